@@ -1,0 +1,1 @@
+"""What can be done on a laptop, without the rig: recordings, fits, diagnosis."""

@@ -1,0 +1,1 @@
+"""The trial file: layout, writer, reader, importers."""

@@ -1,0 +1,1 @@
+"""The Maxwell-Weichert solid: response to any motion, fits, study tables."""

@@ -1,0 +1,1 @@
+"""The forward model of a whole trial and the library of mechanisms."""

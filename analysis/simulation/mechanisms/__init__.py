@@ -1,0 +1,1 @@
+"""The physics library: one file a mechanism, found by listing this folder."""

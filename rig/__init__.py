@@ -1,0 +1,1 @@
+"""What runs while a finger is on the block: protocols, engine, hardware, command line."""

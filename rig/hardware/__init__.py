@@ -1,0 +1,1 @@
+"""The hardware in millimetres and millinewtons; volts stop here."""

@@ -1,0 +1,1 @@
+"""Protocols as data: builders of steps, without input or output."""

@@ -1,0 +1,1 @@
+"""The far side of the cable: a simulated bench that speaks the driver's own protocol."""

@@ -104,6 +104,18 @@ class Event:
     message: str
 
 
+@dataclass(frozen=True, slots=True)
+class NativeSamples:
+    """The samples of an import as they were taken, where they are unevenly spaced.
+
+    ``time_s`` rises strictly and counts from the first sample of the trial; all three are (M,).
+    """
+
+    time_s: FloatArray
+    position_mm: FloatArray
+    force_mn: FloatArray
+
+
 @dataclass(frozen=True)
 class Trial:
     """One recorded trial.
@@ -134,6 +146,7 @@ class Trial:
     log: tuple[str, ...] = ()
     discarded: str = ""
     path: str = ""
+    native: NativeSamples | None = None
 
     @property
     def n_samples(self) -> int:

@@ -1,0 +1,184 @@
+"""The writer of finished trial files: whole or not at all."""
+
+from __future__ import annotations
+
+import math
+import os
+import shutil
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.errors import BadInputError
+from analysis.recordings.layout import FORMAT, FORMAT_VERSION, NATIVE_SIGNALS, Attribute, attributes_of
+from analysis.recordings.reading import read_trial
+from analysis.recordings.trial import Event, Phase, Trial
+
+SOFTWARE = "indenter"
+
+
+@cache
+def software_version() -> str:
+    """Return the installed version of this program, empty where it is not installed."""
+    try:
+        return metadata.version(SOFTWARE)
+    except metadata.PackageNotFoundError:
+        return ""
+
+
+def write_trial(path: Path, trial: Trial) -> None:
+    """Write a finished trial in one go: beside its place first, then moved there whole.
+
+    A file that stands there is replaced. Raises BadInputError where the trial breaks the layout or the
+    place can't be written.
+    """
+    path = Path(path)
+    with replacing(path) as part:
+        try:
+            with h5py.File(part, "w", libver="earliest") as file:
+                write_contents(file, trial)
+        except OSError as error:
+            raise BadInputError(
+                f"{path}: can't be written ({error}): check the folder and its space"
+            ) from error
+
+
+def mark_discarded(path: Path, reason: str) -> None:
+    """Mark a trial as discarded, with the reason; the recording stays as it is."""
+    if not reason.strip():
+        raise BadInputError(f"{path}: discarding a trial needs a reason: say why it is not used")
+    read_trial(path)
+    with replacing(Path(path)) as part:
+        shutil.copyfile(path, part)
+        with h5py.File(part, "r+") as file:
+            file.attrs["discarded"] = reason
+
+
+@contextmanager
+def replacing(path: Path, *, exclusive: bool = False, durable: bool = True) -> Iterator[Path]:
+    """Yield the name of a file to write beside `path`; on success it takes that place, whole.
+
+    `exclusive` raises FileExistsError where the place is taken. `durable` waits for the disk, so that the
+    file outlives a power cut and not only the process.
+    """
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        yield part
+        if durable:
+            with part.open("rb+") as file:
+                os.fsync(file.fileno())
+        if exclusive:
+            _move_to_free_name(part, path)
+        else:
+            part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _move_to_free_name(part: Path, path: Path) -> None:
+    """Give `part` the name `path` in one step, or raise FileExistsError where it is taken."""
+    if os.name == "nt":
+        part.rename(path)
+        return
+    try:
+        path.hardlink_to(part)  # unlike a rename it never replaces
+    except FileExistsError:
+        raise
+    except OSError as error:  # a file system without links, FAT for one
+        if path.exists():
+            raise FileExistsError(f"{path} exists") from error
+        part.replace(path)
+
+
+def write_contents(file: Any, trial: Trial) -> None:
+    """Write every attribute and dataset of a trial into an open, empty file."""
+    write_attributes(file, trial)
+    signals = file["signals"]
+    signals["position_v"] = np.asarray(trial.position_v, dtype=np.float64)
+    signals["force_v"] = np.asarray(trial.force_v, dtype=np.float64)
+    if trial.command_v is not None:
+        signals["command_v"] = np.asarray(trial.command_v, dtype=np.float64)
+    file["phases"] = phase_rows(trial.phases)
+    file["events"] = event_rows(trial.events)
+    if trial.native is not None:
+        for name in NATIVE_SIGNALS:
+            file[f"import/{name}"] = np.asarray(getattr(trial.native, name), dtype=np.float64)
+
+
+def write_attributes(file: Any, trial: Trial) -> None:
+    """Write the groups, their attributes, the log and the protocol's text: all but samples and tables."""
+    root = {"format": FORMAT, "format_version": FORMAT_VERSION} | {
+        attribute.name: getattr(trial, attribute.name)
+        for attribute in attributes_of("/")
+        if hasattr(trial, attribute.name)
+    }
+    root["software"] = trial.software or SOFTWARE
+    root["software_version"] = trial.software_version or software_version()
+    if not trial.discarded:
+        del root["discarded"]
+    _set(file, "/", root)
+    _set(file, "/signals", {"sample_rate_hz": trial.sample_rate_hz})
+    errors = {f"{name}_se": error for name, error in trial.calibration.standard_errors.items()}
+    _set(file, "/calibration", _fields(trial.calibration, "/calibration") | errors)
+    if trial.surface is not None:
+        _set(file, "/surface", _fields(trial.surface, "/surface"))
+    _set(file, "/protocol", _fields(trial.protocol, "/protocol"))
+    if trial.protocol.toml:
+        file["protocol"].create_dataset("toml", data=trial.protocol.toml, dtype=h5py.string_dtype())
+    _set(file, "/specimen", _fields(trial.specimen, "/specimen"))
+    file.create_dataset("log", data=np.array(trial.log, dtype=object), dtype=h5py.string_dtype())
+
+
+def phase_rows(phases: Sequence[Phase], capacity: int = 0) -> NDArray[Any]:
+    """Return the phases as the compound rows of the file, filled up with empty ones to `capacity`."""
+    names = [phase.name.encode() for phase in phases]
+    width = max([16, *map(len, names)])
+    rows = np.zeros(
+        max(len(names), capacity), dtype=[("name", f"S{width}"), ("start", "<i8"), ("stop", "<i8")]
+    )
+    for row, phase, name in zip(rows, phases, names, strict=False):
+        row["name"], row["start"], row["stop"] = name, phase.start, phase.stop
+    return rows
+
+
+def event_rows(events: Sequence[Event], capacity: int = 0, message_width: int = 1) -> NDArray[Any]:
+    """Return the events as the compound rows of the file, filled up with empty ones to `capacity`."""
+    kinds = [event.kind.encode() for event in events]
+    messages = [event.message.encode() for event in events]
+    width = max([message_width, *map(len, messages)])
+    rows = np.zeros(
+        max(len(events), capacity),
+        dtype=[("sample", "<i8"), ("kind", f"S{max([32, *map(len, kinds)])}"), ("message", f"S{width}")],
+    )
+    for row, event, kind, message in zip(rows, events, kinds, messages, strict=False):
+        row["sample"], row["kind"], row["message"] = event.sample, kind, message
+    return rows
+
+
+def _fields(part: object, group: str) -> dict[str, Any]:
+    return {a.name: getattr(part, a.name) for a in attributes_of(group) if hasattr(part, a.name)}
+
+
+def _set(file: Any, group: str, values: dict[str, Any]) -> None:
+    """Set the attributes of a group in the table's order; what is not known is not written."""
+    target = file.require_group(group)
+    for attribute in attributes_of(group):
+        value = values.get(attribute.name)
+        if value is None or (isinstance(value, float) and math.isnan(value) and not attribute.required):
+            continue
+        target.attrs[attribute.name] = _stored(attribute, value)
+
+
+def _stored(attribute: Attribute, value: Any) -> Any:
+    stored = attribute.type(value) if attribute.type is not int else np.int64(value)
+    wrong = attribute.check(stored) if attribute.check else None
+    if wrong:
+        raise BadInputError(f"trial to be written: {attribute.where} is {value!r:.60}: it {wrong}")
+    return stored

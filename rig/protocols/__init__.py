@@ -1,1 +1,1 @@
-"""Protocols as data: builders of steps, without input or output."""
+"""Protocols as data: what a file may say, the steps it becomes, and the pure judgements made on the way."""

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from rig.rig_file import LEVER_TRAVEL_MM, NotNegative, Positive, Settings
+from rig.rig_file import LEVER_TRAVEL_MM, Positive, Settings
 
 Finger = Literal["thumb", "index", "middle", "ring", "little"]
 Depth = Annotated[float, Field(gt=0, le=LEVER_TRAVEL_MM)]
@@ -23,6 +23,7 @@ class SurfaceDetection(Settings):
     contact_threshold_mn: Annotated[float, Field(gt=0, le=500)] = 10.0
     samples_above: Annotated[int, Field(ge=1, le=1000)] = 8
     samples_watched: Annotated[int, Field(ge=1, le=1000)] = 10
+    samples_per_read: Annotated[int, Field(ge=16, le=40)] = 24
     start_mm: LeverPosition | None = None
 
     @model_validator(mode="after")
@@ -35,15 +36,24 @@ class SurfaceDetection(Settings):
         return self
 
 
-class Indentation(Settings):
-    """Dwell at the surface, ramp, hold, retract until contact is lost, a while clear of the skin."""
+class StudyIndentation(Settings):
+    """Dwell at the surface, ramp, hold, retract until contact is lost, a while clear of the skin.
 
-    depth_mm: Depth
+    The depths of a study stand in [study].
+    """
+
     dwell_s: Duration = 2.0
     ramp_speed_mm_s: Speed = 5.0
     hold_s: Duration = 7.0
     retract_speed_mm_s: Speed = 5.0
+    retract_max_mm: Depth = 2.0
     clear_s: Duration = 0.5
+
+
+class Indentation(StudyIndentation):
+    """One indentation, with its depth."""
+
+    depth_mm: Depth
 
 
 class SpecimenSettings(Settings):
@@ -131,14 +141,21 @@ class AirSweep(_WithoutMotion):
         return {"start_mm": self.start_mm, "stop_mm": self.stop_mm}
 
 
+class BlockDetection(SurfaceDetection):
+    """How a stiff block is found: slowly, since 1 um more is 10 mN more."""
+
+    approach_speed_mm_s: Speed = 0.2
+
+
 class PositionCalibration(_WithSurface):
     """A block on the Z stage is moved in steps; at each the surface is found with one threshold in volts."""
 
     kind: Literal["position_calibration"]
+    surface: BlockDetection = BlockDetection()
     step_um: Annotated[float, Field(gt=0, le=5000)] = 160.0
     last_um: Annotated[float, Field(gt=0, le=10_000)] = 800.0
-    threshold_v: Annotated[float, Field(gt=0, le=10)] = 0.3
-    repeats: Annotated[int, Field(ge=1, le=100)] = 1
+    threshold_v: Annotated[float, Field(gt=0, le=5)] = 0.3
+    repeats: Annotated[int, Field(ge=1, le=100)] = 4
     valid_days: Positive = 30.0
 
     @model_validator(mode="after")
@@ -159,13 +176,15 @@ class ForceCalibration(_WithoutMotion):
         0.0,
         5.0,
         10.0,
+        15.0,
         20.0,
+        25.0,
         30.0,
-        40.0,
     )
-    arm_mass_g: NotNegative = 0.5
-    average_s: Annotated[float, Field(gt=0, le=600)] = 2.0
-    settle_s: Duration = 2.0
+    repeats: Annotated[int, Field(ge=1, le=100)] = 2
+    gravity_m_s2: Annotated[float, Field(gt=9.7, lt=9.9)] = 9.80665
+    average_s: Annotated[float, Field(gt=0, le=600)] = 1.0
+    settle_s: Duration = 1.0
     valid_days: Positive = 30.0
 
     @model_validator(mode="after")
@@ -176,7 +195,11 @@ class ForceCalibration(_WithoutMotion):
 
 
 class StudyPlan(Settings):
-    """Fingers x surface positions x ramp speeds x depths x repeats, each at a new site, after a rest."""
+    """Fingers x surface positions x ramp speeds x holds x depths x repeats, each at a new site, after a rest.
+
+    ``rest_s`` is one length, or the shortest and the longest between which each is drawn evenly. Air sweeps
+    and indentations of a stiff block, where asked for, come before the first finger.
+    """
 
     subject: str = ""
     fingers: Annotated[tuple[Finger, ...], Field(min_length=1)] = (
@@ -189,22 +212,30 @@ class StudyPlan(Settings):
     depths_mm: Annotated[tuple[Depth, ...], Field(min_length=1)] = (0.2, 0.4, 0.6, 0.8)
     repeats: Annotated[int, Field(ge=1, le=1000)] = 5
     ramp_speeds_mm_s: Annotated[tuple[Speed, ...], Field(min_length=1)] | None = None
+    holds_s: Annotated[tuple[Duration, ...], Field(min_length=1)] | None = None
     surface_positions_mm: Annotated[tuple[LeverPosition, ...], Field(min_length=1)] | None = None
-    rest_s: Duration = 150.0
+    rest_s: Duration | tuple[Duration, Duration] = (120.0, 180.0)
     order: Literal["fixed", "shuffled"] = "fixed"
     seed: Annotated[int, Field(ge=0)] = 0
     air_sweep_speeds_mm_s: tuple[Speed, ...] = ()
     rigid_target: bool = False
+    rigid_target_depths_mm: Annotated[tuple[Depth, ...], Field(min_length=1)] = (0.01, 0.02, 0.03)
 
+    @model_validator(mode="after")
+    def _rests_in_order(self) -> StudyPlan:
+        if isinstance(self.rest_s, tuple) and self.rest_s[0] > self.rest_s[1]:
+            raise ValueError(
+                f"rest_s = [{self.rest_s[0]:g}, {self.rest_s[1]:g}] runs backwards; give the shortest first"
+            )
+        return self
 
-class StudyIndentation(Settings):
-    """The indentation of a study; its depths stand in [study]."""
-
-    dwell_s: Duration = 2.0
-    ramp_speed_mm_s: Speed = 5.0
-    hold_s: Duration = 7.0
-    retract_speed_mm_s: Speed = 5.0
-    clear_s: Duration = 0.5
+    @model_validator(mode="after")
+    def _each_once(self) -> StudyPlan:
+        for name in ("fingers", "depths_mm", "ramp_speeds_mm_s", "holds_s", "surface_positions_mm"):
+            values = getattr(self, name) or ()
+            if len(set(values)) < len(values):
+                raise ValueError(f"{name} names a value twice; for more of the same raise repeats")
+        return self
 
 
 class Study(_WithSurface):

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
-from importlib.metadata import version
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NoReturn
+from typing import NoReturn, get_args
+
+from analysis.errors import BadInputError
+from rig.errors import RigError
 
 EXIT_OK, EXIT_RUN_FAILED, EXIT_BAD_INPUT, EXIT_INTERRUPTED = 0, 1, 2, 130
 
@@ -15,3 +17,227 @@ EXIT_OK, EXIT_RUN_FAILED, EXIT_BAD_INPUT, EXIT_INTERRUPTED = 0, 1, 2, 130
 class _OneLineParser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         self.exit(EXIT_BAD_INPUT, f"{self.prog}: {message} (see {self.prog} --help)\n")
+
+
+class _Version(argparse.Action):
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        from importlib.metadata import version
+
+        parser.exit(EXIT_OK, f"indenter {version('indenter')}\n")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit code: 0 success, 1 run failed, 2 bad input, 130 interrupted."""
+    try:
+        arguments = _parser().parse_args(argv)
+        _COMMANDS[arguments.command](arguments)
+    except SystemExit as ended:
+        return ended.code if isinstance(ended.code, int) else EXIT_BAD_INPUT
+    except BadInputError as error:
+        return _failed(EXIT_BAD_INPUT, error)
+    except RigError as error:
+        return _failed(EXIT_RUN_FAILED, error)
+    except KeyboardInterrupt as error:
+        return _failed(EXIT_INTERRUPTED, str(error) or "interrupted")
+    except BrokenPipeError:
+        return EXIT_RUN_FAILED
+    return EXIT_OK
+
+
+def _failed(code: int, error: BaseException | str) -> int:
+    print("indenter:", " ".join(str(error).split()), file=sys.stderr)
+    return code
+
+
+def _demo(given: argparse.Namespace) -> None:
+    from rig.demo import run_demo
+
+    print(run_demo(given.out))
+
+
+def _run(given: argparse.Namespace) -> None:
+    from rig.headless import run_protocol_file, write_examples
+
+    if given.example is not None:
+        write_examples(given.example)
+        print(f"examples written to {given.example}")
+        return
+    if given.protocol is None:
+        raise BadInputError("indenter run: no protocol file: give one, or --example DIR to get some")
+    out = given.out or Path(given.protocol.stem)
+    print(run_protocol_file(given.protocol, rig=given.rig, out=out))
+
+
+def _calibrate(given: argparse.Namespace) -> None:
+    from rig.calibrating import calibrate
+
+    print(calibrate(given.which, rig=given.rig, out=given.out))
+
+
+def _import(given: argparse.Namespace) -> None:
+    from analysis.recordings.importing import import_files
+
+    for path in import_files(given.files, given.out, given.kind):
+        print(path)
+
+
+def _fit(given: argparse.Namespace) -> None:
+    from analysis.relaxation.batch import fit_paths
+
+    print(fit_paths(given.paths, model=given.model, out=given.out, jobs=given.jobs, dask=given.dask))
+
+
+def _diagnose(given: argparse.Namespace) -> None:
+    from analysis.mismatch.diagnose import diagnose_paths
+
+    report = diagnose_paths(
+        given.paths, baseline=given.baseline, out=given.out, seed=given.seed, tolerance_mn=given.tolerance
+    )
+    print(report)
+
+
+def _prove(given: argparse.Namespace) -> None:
+    from rig.proof import run_proof
+
+    print(run_proof(cases=given.cases, seed=given.seed, out=given.out))
+
+
+def _rescue(given: argparse.Namespace) -> None:
+    from analysis.recordings.rescue import rescue_paths
+
+    for outcome in rescue_paths(given.paths):
+        print(f"{outcome.path}: {outcome.action}")
+
+
+def _discard(given: argparse.Namespace) -> None:
+    from analysis.recordings import mark_discarded
+
+    for path in given.files:
+        mark_discarded(path, given.reason)
+        print(f"{path}: discarded ({given.reason})")
+
+
+def _watch(_: argparse.Namespace) -> None:
+    from rig.watching import watch
+
+    watch()
+
+
+_COMMANDS = {
+    "demo": _demo,
+    "run": _run,
+    "calibrate": _calibrate,
+    "import": _import,
+    "fit": _fit,
+    "diagnose": _diagnose,
+    "prove": _prove,
+    "rescue": _rescue,
+    "discard": _discard,
+    "watch": _watch,
+}
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _OneLineParser(
+        prog="indenter",
+        description="Runs a finger-pad indentation rig, fits its relaxation, says what a simulation left out.",
+    )
+    parser.add_argument("--version", action=_Version, nargs=0, help="say which version this is")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    _add_bench_commands(commands)
+    _add_analysis_commands(commands)
+    return parser
+
+
+def _add_bench_commands(commands: argparse._SubParsersAction[_OneLineParser]) -> None:
+    rig_help = "the rig file; without it, the simulated rig"
+
+    demo = commands.add_parser(
+        "demo", help="the main job on the simulated rig: calibrate, run a study, fit, diagnose, report"
+    )
+    demo.add_argument("--out", type=Path, default=Path("indenter-demo"), metavar="DIR")
+
+    run = commands.add_parser("run", help="run a protocol or a study, or go on with one")
+    run.add_argument("protocol", type=Path, nargs="?", metavar="PROTOCOL.toml")
+    run.add_argument("--rig", type=Path, metavar="RIG.toml", help=rig_help)
+    run.add_argument(
+        "--out", type=Path, metavar="DIR", help="folder of the trials; default: the protocol's name"
+    )
+    run.add_argument(
+        "--example", type=Path, metavar="DIR", help="write rig and protocol files, every key explained"
+    )
+
+    calibrate = commands.add_parser("calibrate", help="measure the constants of position or force")
+    calibrate.add_argument("which", choices=("position", "force"))
+    calibrate.add_argument("--rig", type=Path, metavar="RIG.toml", help=rig_help)
+    calibrate.add_argument(
+        "--out", type=Path, metavar="DIR", help="folder of calibrations; default: the one the rig file names"
+    )
+
+    discard = commands.add_parser("discard", help="mark trials as no good; their files stay")
+    discard.add_argument("files", type=Path, nargs="+", metavar="FILE")
+    discard.add_argument("--reason", required=True, metavar="TEXT")
+
+    rescue = commands.add_parser("rescue", help="bring back trials whose run was cut off")
+    rescue.add_argument("paths", type=Path, nargs="+", metavar="FILE|DIR")
+
+    commands.add_parser("watch", help="follow the run in progress: state, time left, position and force")
+
+    prove = commands.add_parser("prove", help="conceal effects in the simulated rig, diagnose blind, score")
+    prove.add_argument("--cases", type=_at_least(1), default=12, metavar="N")
+    prove.add_argument("--seed", type=_at_least(0), default=0, metavar="S")
+    prove.add_argument("--out", type=Path, default=Path("proof"), metavar="DIR")
+
+
+def _add_analysis_commands(commands: argparse._SubParsersAction[_OneLineParser]) -> None:
+    from analysis.recordings.trial import Kind
+
+    importing = commands.add_parser("import", help="turn .ddf, .csv and AFM files into trial files")
+    importing.add_argument("files", type=Path, nargs="+", metavar="FILE")
+    importing.add_argument("--out", type=Path, required=True, metavar="DIR")
+    importing.add_argument(
+        "--kind", choices=get_args(Kind), metavar="KIND", help="what was done, where known"
+    )
+
+    fit = commands.add_parser("fit", help="fit the relaxation of every trial: tables, figures, a page")
+    fit.add_argument("paths", type=Path, nargs="+", metavar="FILE|DIR")
+    fit.add_argument("--model", choices=("ramp", "step"), default="ramp")
+    fit.add_argument("--out", type=Path, default=Path("fits"), metavar="DIR")
+    fit.add_argument("--jobs", type=_at_least(1), metavar="N", help="processes at a time")
+    fit.add_argument("--dask", metavar="ADDRESS", help="send the trials to this Dask scheduler")
+
+    diagnose = commands.add_parser(
+        "diagnose", help="compare simulation and recordings; name what was left out"
+    )
+    diagnose.add_argument("paths", type=Path, nargs="+", metavar="FILE|DIR")
+    diagnose.add_argument("--baseline", choices=("ramp", "step"), default="ramp")
+    diagnose.add_argument("--out", type=Path, default=Path("diagnosis"), metavar="DIR")
+    diagnose.add_argument("--seed", type=_at_least(0), default=0, metavar="N")
+    diagnose.add_argument(
+        "--tolerance",
+        type=_positive,
+        default=0.3,
+        metavar="MN",
+        help="a remainder below this is small; mN rms",
+    )
+
+
+def _at_least(least: int) -> Callable[[str], int]:
+    def whole_number(text: str) -> int:
+        value = int(text)
+        if value < least:
+            raise argparse.ArgumentTypeError(f"{text} is below {least}")
+        return value
+
+    return whole_number
+
+
+def _positive(text: str) -> float:
+    value = float(text)
+    if not 0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text} is not a positive number")
+    return value
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -140,7 +140,7 @@ _COMMANDS = {
 def _parser() -> argparse.ArgumentParser:
     parser = _OneLineParser(
         prog="indenter",
-        description="Runs a finger-pad indentation rig, fits its relaxation, says what a simulation left out.",
+        description="Runs a finger-pad indentation rig, fits the relaxation, names what a simulation omits.",
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="say which version this is")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")

@@ -25,8 +25,6 @@ import numpy as np
 
 from analysis.recordings.trial import FloatArray
 
-_BLOCK_SPAN = 40.0  # a block of the uneven recursion lasts at most 40 tau: exp(40) is far from overflow
-
 
 def arm_response(
     depth_mm: FloatArray, time: float | FloatArray, tau_s: float, *, start_mm: float = 0.0
@@ -143,28 +141,20 @@ def _interval_factors(
 
 
 def _decaying_sum(driven: FloatArray, step_s: float | FloatArray, tau_s: float, start: float) -> FloatArray:
-    """Return y (..., N) of y[n + 1] = exp(-step / tau) y[n] + driven[n], y[0] = start."""
-    result = np.empty((*driven.shape[:-1], driven.shape[-1] + 1))
-    result[..., 0] = start
-    if driven.shape[-1] == 0:
-        return result
-    if np.ndim(step_s) == 0:
-        from scipy.signal import lfilter  # noqa: PLC0415  (an import of a third of a second)
+    """Return y (..., N) of y[n + 1] = exp(-step / tau) y[n] + driven[n], y[0] = start.
 
-        decay = np.exp(-step_s / tau_s)
-        memory = np.full((*driven.shape[:-1], 1), decay * start)
-        result[..., 1:], _ = lfilter([1.0], [1.0, -decay], driven, zi=memory)
-        return result
-    _uneven_sum(driven, np.asarray(step_s), tau_s, result)
-    return result
+    The recursion is a triangular system with one band below the diagonal, which LAPACK solves in one pass.
+    """
+    from scipy.linalg.lapack import dtbtrs
 
-
-def _uneven_sum(driven: FloatArray, step_s: FloatArray, tau_s: float, result: FloatArray) -> None:
-    """Fill ``result[..., 1:]``: in a block the recursion is a cumulative sum under a growing exponential."""
-    age = np.cumsum(step_s / tau_s)
-    edges = (np.flatnonzero(np.diff(np.floor(age / _BLOCK_SPAN))) + 1).tolist()
-    for first, stop in zip([0, *edges], [*edges, age.size], strict=True):
-        growth = np.exp(age[first:stop] - age[first])
-        carried = np.exp(-step_s[first] / tau_s) * result[..., first]
-        total = np.cumsum(driven[..., first:stop] * growth, axis=-1)
-        result[..., first + 1 : stop + 1] = (carried[..., None] + total) / growth
+    n_samples = driven.shape[-1] + 1
+    rows = np.empty((*driven.shape[:-1], n_samples))
+    rows[..., 0] = start
+    rows[..., 1:] = driven
+    band = np.zeros((2, n_samples))
+    band[0] = 1.0
+    band[1, :-1] = -np.exp(-step_s / tau_s)
+    columns, fault = dtbtrs(band, rows.reshape(-1, n_samples).T, uplo="L", diag="U")
+    if fault:
+        raise ValueError(f"the recursion of an arm with a time of {tau_s} s can't be solved")
+    return np.asarray(columns, dtype=float).T.reshape(rows.shape)

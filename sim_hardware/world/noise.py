@@ -1,0 +1,85 @@
+"""Noise of the sensors: white, correlated, wandering, and a gain that differs from trial to trial."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from sim_hardware.parts import SAMPLE_RATE_HZ, FloatArray
+from sim_hardware.settings import NoiseSettings
+
+
+@njit(cache=True)
+def one_pole(keep: float, drive: FloatArray, before: float) -> FloatArray:
+    """Return y with y_i = keep y_(i-1) + drive_i, starting from ``before``."""
+    out = np.empty_like(drive)
+    y = before
+    for i in range(drive.shape[0]):
+        y = keep * y + drive[i]
+        out[i] = y
+    return out
+
+
+class _Wander:
+    """Gaussian noise of a given rms and correlation time (Ornstein-Uhlenbeck), sample by sample."""
+
+    def __init__(self, rms: float, time_s: float, random: np.random.Generator) -> None:
+        self._rms, self._time_s, self._random = rms, time_s, random
+        self._keep = math.exp(-1 / (time_s * SAMPLE_RATE_HZ))
+        self._last = rms * float(random.standard_normal())
+
+    def draw(self, n: int) -> FloatArray:
+        drive = self._random.standard_normal(n) * (self._rms * math.sqrt(1 - self._keep**2))
+        out: FloatArray = one_pole(self._keep, drive, self._last)
+        if n:
+            self._last = float(out[-1])
+        return out
+
+    def rest(self, duration_s: float) -> None:
+        keep = math.exp(-duration_s / self._time_s)
+        self._last = keep * self._last + self._rms * math.sqrt(1 - keep**2) * float(
+            self._random.standard_normal()
+        )
+
+
+class SensorNoise:
+    """Noise of both sensors; every stream has a generator of its own, so blocks of any size agree."""
+
+    def __init__(self, settings: NoiseSettings, seed: int) -> None:
+        streams = [np.random.default_rng([seed, 2, i]) for i in range(5)]
+        self._position_mm = settings.position_um_rms * 1e-3
+        share = settings.correlated_share
+        self._white_mn = settings.force_mn_rms * math.sqrt(1 - share)
+        self._gain_jitter = settings.gain_jitter
+        self._force_random, self._position_random, self._trial_random = streams[:3]
+        self._slow = [
+            _Wander(rms, time_s, random)
+            for rms, time_s, random in (
+                (settings.force_mn_rms * math.sqrt(share), settings.correlation_ms * 1e-3, streams[3]),
+                (settings.wander_mn_rms, settings.wander_time_s, streams[4]),
+            )
+            if rms > 0
+        ]
+        self.gain = 1.0
+
+    def begin_trial(self) -> None:
+        """Draw this trial's gain of the force."""
+        self.gain = 1.0 + self._gain_jitter * float(self._trial_random.standard_normal())
+
+    def force_mn(self, n: int) -> FloatArray:
+        """Noise of the force, (n,), mN."""
+        noise = self._force_random.standard_normal(n) * self._white_mn
+        for wander in self._slow:
+            noise += wander.draw(n)
+        return noise
+
+    def position_mm(self, n: int) -> FloatArray:
+        """Noise of the position, (n,), mm."""
+        return self._position_random.standard_normal(n) * self._position_mm
+
+    def rest(self, duration_s: float) -> None:
+        """Let the slow noise wander on while nothing is recorded."""
+        for wander in self._slow:
+            wander.rest(duration_s)

@@ -68,6 +68,7 @@ def read_trial(path: Path) -> Trial:
             events=_events(path, file),
             log=_log(path, file),
             native=_native(path, file),
+            other_channels=_other_channels(path, file),
             path=str(path),
         )
 
@@ -394,3 +395,11 @@ def _native(path: Path, file: Any) -> NativeSamples | None:
     if not np.all(np.diff(arrays["time_s"]) > 0):
         raise _bad(path, "/import/time_s", "does not rise", "import the recording again")
     return NativeSamples(**arrays)
+
+
+def _other_channels(path: Path, file: Any) -> dict[str, FloatArray]:
+    with _access(path, "/import/channels"):
+        group = file.get("import/channels")
+        if not isinstance(group, h5py.Group):
+            return {}
+        return {name: _vector(path, f"/import/channels/{name}", group[name]) for name in group}

@@ -122,7 +122,8 @@ class Trial:
 
     Signals are 1-D arrays of equal length N in volts; ``position_mm``, ``force_mn`` and
     ``command_mm`` are the same in bench units (position positive into the skin, force positive in
-    compression). ``command_v`` is None where an import had none.
+    compression). ``command_v`` is None where an import had none. ``other_channels`` are channels of
+    an import that have no place in the layout, by name and unit (``force_command_mn``), (N,) each.
     """
 
     trial_id: str
@@ -147,6 +148,7 @@ class Trial:
     discarded: str = ""
     path: str = ""
     native: NativeSamples | None = None
+    other_channels: Mapping[str, FloatArray] = field(default_factory=dict)
 
     @property
     def n_samples(self) -> int:

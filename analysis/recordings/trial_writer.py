@@ -26,6 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from analysis.errors import BadInputError
 from analysis.recordings.layout import SIGNALS
+from analysis.recordings.locking import lock
 from analysis.recordings.trial import (
     Calibration,
     Event,
@@ -207,7 +208,7 @@ class TrialWriter:
             reason = error.strerror or str(error)
             raise BadInputError(f"{self.path}: can't be made ({reason}): check the folder") from error
         self._offsets = offsets
-        self._bytes = self.path.open("rb+", buffering=0)
+        self._open()
 
     def _restructure(self, capacity: int) -> None:
         """Move to a new file of that capacity; the old one stands until the new one is whole."""
@@ -223,7 +224,7 @@ class TrialWriter:
                         _write_at(file, offsets[name] + 8 * start, block)
             self._close()
         self._offsets = offsets
-        self._bytes = self.path.open("rb+", buffering=0)
+        self._open()
 
     def _structure(self, part: Path) -> dict[str, int]:
         """Write everything but the samples, and return the offset of each dataset's bytes."""
@@ -241,6 +242,10 @@ class TrialWriter:
             datasets = {name: file["signals"][name] for name in self._names}
             datasets |= {"phases": file["phases"], "events": file["events"]}
             return {name: int(dataset.id.get_offset()) for name, dataset in datasets.items()}
+
+    def _open(self) -> None:
+        self._bytes = self.path.open("rb+", buffering=0)
+        lock(self._bytes)
 
     def _put(self, offset: int, values: NDArray[Any]) -> None:
         if self._bytes is None:

@@ -50,6 +50,28 @@ def write_trial(path: Path, trial: Trial) -> None:
             ) from error
 
 
+def replace_trial(path: Path, trial: Trial) -> None:
+    """Write a trial in the place of its file, and take over what else that file holds.
+
+    Attributes and groups that the layout does not know stay as they were; nothing of the file is lost.
+    """
+    path = Path(path)
+    with replacing(path) as part, h5py.File(path, "r") as old, h5py.File(part, "w", libver="earliest") as new:
+        write_contents(new, trial)
+        _take_over(old, new)
+
+
+def _take_over(old: Any, new: Any) -> None:
+    for name, value in old.attrs.items():
+        if name not in new.attrs:
+            new.attrs[name] = value
+    for name in old:
+        if name not in new:
+            old.copy(name, new)
+        elif isinstance(old[name], h5py.Group) and isinstance(new[name], h5py.Group):
+            _take_over(old[name], new[name])
+
+
 def mark_discarded(path: Path, reason: str) -> None:
     """Mark a trial as discarded, with the reason; the recording stays as it is."""
     if not reason.strip():
@@ -110,6 +132,8 @@ def write_contents(file: Any, trial: Trial) -> None:
     if trial.native is not None:
         for name in NATIVE_SIGNALS:
             file[f"import/{name}"] = np.asarray(getattr(trial.native, name), dtype=np.float64)
+    for name, values in trial.other_channels.items():
+        file[f"import/channels/{name}"] = np.asarray(values, dtype=np.float64)
 
 
 def write_attributes(file: Any, trial: Trial) -> None:

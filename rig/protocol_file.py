@@ -219,7 +219,7 @@ class StudyPlan(Settings):
     seed: Annotated[int, Field(ge=0)] = 0
     air_sweep_speeds_mm_s: tuple[Speed, ...] = ()
     rigid_target: bool = False
-    rigid_target_depths_mm: Annotated[tuple[Depth, ...], Field(min_length=1)] = (0.01, 0.02, 0.03)
+    rigid_target_depths_mm: Annotated[tuple[Depth, ...], Field(min_length=1)] = (0.005, 0.01, 0.015)
 
     @model_validator(mode="after")
     def _rests_in_order(self) -> StudyPlan:

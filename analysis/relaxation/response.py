@@ -35,8 +35,8 @@ def arm_response(
     constant that is not positive and finite, or for sampling that does not fit the depth.
     """
     depth_mm, step_s = _checked(depth_mm, time, tau_s)
-    _, rise, _, _ = _interval_factors(step_s, tau_s)
-    return _decaying_sum(rise * np.diff(depth_mm), step_s, tau_s, start_mm)
+    _, rise, _, _ = interval_factors(step_s, tau_s)
+    return decaying_sum(rise * np.diff(depth_mm), step_s, tau_s, start_mm)
 
 
 def arm_response_and_slope(
@@ -47,11 +47,11 @@ def arm_response_and_slope(
     The derivative follows the differentiated recursion, so it is exact too.
     """
     depth_mm, step_s = _checked(depth_mm, time, tau_s)
-    _, rise, decay_slope, rise_slope = _interval_factors(step_s, tau_s)
+    _, rise, decay_slope, rise_slope = interval_factors(step_s, tau_s)
     increments_mm = np.diff(depth_mm)
-    stretch_mm = _decaying_sum(rise * increments_mm, step_s, tau_s, start_mm)
+    stretch_mm = decaying_sum(rise * increments_mm, step_s, tau_s, start_mm)
     driven = decay_slope * stretch_mm[..., :-1] + rise_slope * increments_mm
-    return stretch_mm, _decaying_sum(driven, step_s, tau_s, 0.0)
+    return stretch_mm, decaying_sum(driven, step_s, tau_s, 0.0)
 
 
 def basis(depth_mm: FloatArray, time: float | FloatArray, times_s: Sequence[float]) -> FloatArray:
@@ -107,7 +107,7 @@ def contact_slope(
     share_left = np.zeros_like(entered)
     share_left[moving] = above_mm[1:][moving] / np.diff(above_mm)[moving]
     jumps = -entered * np.exp(-share_left * steps / tau_s)
-    return _decaying_sum(jumps, step_s, tau_s, -1.0 if inside[0] else 0.0)
+    return decaying_sum(jumps, step_s, tau_s, -1.0 if inside[0] else 0.0)
 
 
 def _checked(
@@ -130,7 +130,7 @@ def _checked(
     return depth_mm, step_s
 
 
-def _interval_factors(
+def interval_factors(
     step_s: float | FloatArray, tau_s: float
 ) -> tuple[float | FloatArray, float | FloatArray, float | FloatArray, float | FloatArray]:
     """Return a, b of the recursion and their derivatives by tau, for one or all intervals."""
@@ -140,7 +140,7 @@ def _interval_factors(
     return decay, rise, decay * ratio / tau_s, (rise - decay) / tau_s
 
 
-def _decaying_sum(driven: FloatArray, step_s: float | FloatArray, tau_s: float, start: float) -> FloatArray:
+def decaying_sum(driven: FloatArray, step_s: float | FloatArray, tau_s: float, start: float) -> FloatArray:
     """Return y (..., N) of y[n + 1] = exp(-step / tau) y[n] + driven[n], y[0] = start.
 
     The recursion is a triangular system with one band below the diagonal, which LAPACK solves in one pass.

@@ -135,3 +135,31 @@ def _sampled_decay(pieces: _Pieces, tau_s: float) -> tuple[FloatArray, FloatArra
     total = late * series
     slope = total * pieces.first_s / tau_s**2 - late * by_ratio * ratio / tau_s
     return total, slope
+
+
+def sampled_force(
+    blocks: Blocks, contact_mm: float, stiffness_mn_per_mm: FloatArray, times_s: FloatArray
+) -> FloatArray:
+    """Return the force (N,) mN at every sample of the blocks, never below zero.
+
+    ``stiffness_mn_per_mm`` (1 + n_arms,), k0 first; ``times_s`` (n_arms,).
+    """
+    pieces = _depth_pieces(blocks, contact_mm)
+    counts = pieces.counts.astype(np.int64)
+    starts = np.cumsum(counts) - counts
+    order = np.arange(int(counts.sum())) - np.repeat(starts, counts)
+    age_s = np.repeat(pieces.first_s, counts) + order * np.repeat(pieces.spacing_s, counts)
+    steady_mn = np.zeros_like(pieces.speed_mm_s)
+    for stiffness, tau_s in zip(stiffness_mn_per_mm[1:], times_s, strict=True):
+        steady_mn += stiffness * pieces.speed_mm_s * tau_s
+    start_mn = stiffness_mn_per_mm[0] * pieces.depth_mm[:-1] + steady_mn
+    force_mn = np.repeat(start_mn, counts)
+    force_mn += np.repeat(stiffness_mn_per_mm[0] * pieces.speed_mm_s, counts) * age_s
+    for stiffness, tau_s in zip(stiffness_mn_per_mm[1:], times_s, strict=True):
+        _, rise, _, _ = interval_factors(pieces.lengths_s, float(tau_s))
+        driven = (rise * np.diff(pieces.depth_mm))[:-1]
+        stretch_mm = decaying_sum(driven, pieces.lengths_s[:-1], float(tau_s), 0.0)
+        late = np.exp(age_s * (-1.0 / tau_s))
+        late *= np.repeat(stiffness * (stretch_mm - pieces.speed_mm_s * tau_s), counts)
+        force_mn += late
+    return np.maximum(force_mn, 0.0)

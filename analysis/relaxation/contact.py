@@ -1,0 +1,71 @@
+"""Where the approach met the skin: the starting value of the contact point, found, never asked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.recordings.trial import FloatArray
+from analysis.relaxation.windows import FitWindow
+
+_MOST_BLOCKS = 400
+_CANDIDATES = 60
+_LEAST_GAIN = 30.0  # in squared noise: a hinge must beat the straight line by this
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """The hinge of force over position: ``position_mm``, ``sample`` of the window, force before it.
+
+    ``seen`` is False where the recording begins in contact, so that no contact point can be estimated.
+    """
+
+    position_mm: float
+    sample: int
+    force_before_mn: float
+    seen: bool
+
+
+def find_contact(window: FitWindow) -> Contact:
+    """Return the contact point from force = offset + slope max(position - contact, 0) over the approach."""
+    stop = window.approach_stop if window.approach_stop > 8 else window.hold_start
+    start_mm = float(window.position_mm[0])
+    unseen = Contact(start_mm, 0, float(window.force_mn[0]), seen=False)
+    if stop < 8:
+        return unseen
+    step = max(1, stop // _MOST_BLOCKS)
+    edges = np.arange(0, stop - step + 1, step)
+    position_mm = np.add.reduceat(window.position_mm[: edges[-1] + step], edges) / step
+    force_mn = np.add.reduceat(window.force_mn[: edges[-1] + step], edges) / step
+    low, high = float(position_mm.min()), float(position_mm.max())
+    if high - low <= 0.0:
+        return unseen
+    candidates = np.linspace(low, high, _CANDIDATES, endpoint=False)
+    squares, slopes, offsets = _hinges(position_mm, force_mn, candidates)
+    line, best = float(squares[0]), int(np.argmin(squares))
+    pitch = candidates[1] - candidates[0]
+    finer = np.linspace(candidates[best] - pitch, candidates[best] + pitch, 21)
+    finer_squares, finer_slopes, finer_offsets = _hinges(position_mm, force_mn, finer)
+    chosen = int(np.argmin(finer_squares))
+    squares_left, contact_mm = float(finer_squares[chosen]), float(finer[chosen])
+    noise = max(squares_left / max(len(edges) - 3, 1), 1e-30)
+    before = int(np.sum(position_mm < contact_mm))
+    if (line - squares_left) / noise < _LEAST_GAIN or finer_slopes[chosen] <= 0.0 or before < 3:
+        return unseen
+    inside = np.flatnonzero(window.position_mm[:stop] > contact_mm)
+    sample = int(inside[0]) if inside.size else stop - 1
+    return Contact(contact_mm, sample, float(finer_offsets[chosen]), seen=True)
+
+
+def _hinges(
+    position_mm: FloatArray, force_mn: FloatArray, candidates: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return residual squares, slopes and offsets (M,) of the hinge fits at candidate contacts (M,)."""
+    depth = np.maximum(position_mm - candidates[:, None], 0.0)
+    centred = depth - depth.mean(axis=1, keepdims=True)
+    spread = np.maximum(np.sum(centred**2, axis=1), 1e-300)
+    rise = force_mn - force_mn.mean()
+    slopes = centred @ rise / spread
+    squares = np.sum((rise - slopes[:, None] * centred) ** 2, axis=1)
+    return squares, slopes, force_mn.mean() - slopes * depth.mean(axis=1)

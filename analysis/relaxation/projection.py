@@ -1,0 +1,121 @@
+"""Least squares in which the amplitudes are linear: they are projected out, only times and places are searched.
+
+Variable projection with Kaufman's derivative (BIT 15, 49, 1975), damped after Levenberg and Marquardt.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.recordings.trial import FloatArray
+from analysis.relaxation.windows import CannotFitError
+
+_MOST_STEPS = 80
+_SETTLED = 1e-11  # relative change of the sum of squares
+_NEAR_SETTLED_STEP = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """A model at given nonlinear parameters: ``rows`` (L, K) of unit amplitudes, and ``slopes``.
+
+    ``slopes(amplitudes)`` (P, K) are the derivatives of amplitudes @ rows by the nonlinear parameters.
+    """
+
+    rows: FloatArray
+    slopes: Callable[[FloatArray], FloatArray]
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """The least-squares solution.
+
+    ``amplitudes`` (L,), ``parameters`` (P,), ``squares`` the weighted sum of squares, ``jacobian`` (L + P, K)
+    the unweighted derivatives of the model by amplitudes, then parameters. ``settled`` is False where the
+    search ran out of steps; ``at_bound`` (P,) says which parameters stopped at a bound.
+    """
+
+    amplitudes: FloatArray
+    parameters: FloatArray
+    squares: float
+    jacobian: FloatArray
+    settled: bool
+    at_bound: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class _State:
+    squares: float
+    amplitudes: FloatArray
+    residual: FloatArray
+    slopes: FloatArray
+    jacobian: FloatArray
+
+
+def solve_separable(
+    model: Callable[[FloatArray], Rows],
+    target: FloatArray,
+    weights: FloatArray,
+    start: FloatArray,
+    low: FloatArray,
+    high: FloatArray,
+) -> Solution:
+    """Return the weighted least-squares solution for ``target`` (K,) with ``weights`` (K,), from ``start`` (P,).
+
+    ``low`` and ``high`` (P,) bound the nonlinear parameters. Raises CannotFitError where the model has no finite
+    value at the start.
+    """
+    roots = np.sqrt(weights)
+    parameters = np.clip(start, low, high)
+    state = _evaluate(model, target, roots, parameters)
+    if state is None:
+        raise CannotFitError("the model has no finite value at the starting point")
+    damping, settled = 1e-3, len(parameters) == 0
+    for _ in range(_MOST_STEPS):
+        if settled:
+            break
+        normal = state.slopes @ state.slopes.T
+        gradient = state.slopes @ state.residual
+        scale = np.maximum(np.diag(normal), 1e-300)
+        step = np.linalg.solve(normal + damping * np.diag(scale), gradient)
+        proposed = np.clip(parameters + step, low, high)
+        trial = _evaluate(model, target, roots, proposed)
+        if trial is None or trial.squares > state.squares:
+            damping *= 8.0
+            settled = damping > 1e12 or bool(np.all(np.abs(proposed - parameters) < _NEAR_SETTLED_STEP))
+            continue
+        settled = state.squares - trial.squares <= _SETTLED * max(state.squares, 1e-300)
+        parameters, state, damping = proposed, trial, max(damping / 10.0, 1e-9)
+    return Solution(
+        state.amplitudes,
+        parameters,
+        state.squares,
+        state.jacobian,
+        settled,
+        (parameters <= low) | (parameters >= high),
+    )
+
+
+def _evaluate(
+    model: Callable[[FloatArray], Rows], target: FloatArray, roots: FloatArray, parameters: FloatArray
+) -> _State | None:
+    """Return the state at ``parameters``, None where it is not finite or the amplitudes are undetermined."""
+    built = model(parameters)
+    orthogonal, triangle = np.linalg.qr((built.rows * roots).T)
+    aim = target * roots
+    diagonal = np.abs(np.diag(triangle))
+    if not np.all(np.isfinite(diagonal)) or diagonal.min() <= 1e-13 * diagonal.max():
+        return None
+    shares = orthogonal.T @ aim
+    amplitudes = np.linalg.solve(triangle, shares)
+    residual = aim - orthogonal @ shares
+    slopes = built.slopes(amplitudes)
+    weighted = slopes * roots
+    projected = weighted - (weighted @ orthogonal) @ orthogonal.T
+    squares = float(residual @ residual)
+    if not np.isfinite(squares) or not np.all(np.isfinite(projected)):
+        return None
+    return _State(squares, amplitudes, residual, projected, np.concatenate([built.rows, slopes]))

@@ -1,0 +1,152 @@
+"""The fit driven by the recorded motion: contact, ramp and hold, with nothing assumed of the ramp."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from analysis.recordings.trial import FloatArray
+from analysis.relaxation.block_response import block_answer, sampled_force
+from analysis.relaxation.blocks import Blocks, condense
+from analysis.relaxation.contact import Contact, find_contact
+from analysis.relaxation.noise import NoiseSpectrum, estimate_covariance, measure_noise
+from analysis.relaxation.projection import Rows, Solution, solve_separable
+from analysis.relaxation.windows import CannotFitError, FitWindow
+
+_GRID_TIMES = 12  # candidates for starting values, evenly spaced in the logarithm
+_LONGEST_HOLDS = 30.0  # times are searched up to so many holds
+_MOST_ARMS = 4
+
+
+@dataclass(frozen=True, slots=True)
+class RampSolution:
+    """The fitted solid: stiffnesses (1 + n_arms,) mN/mm, k0 first; times (n_arms,) s, longest first.
+
+    ``covariance`` is that of (k0, k1.., offset, log t1.., contact), the last only where contact was seen.
+    """
+
+    stiffness_mn_per_mm: FloatArray
+    times_s: FloatArray
+    contact_mm: float
+    contact_seen: bool
+    offset_mn: float
+    covariance: FloatArray
+    residual_mn: FloatArray
+    noise: NoiseSpectrum
+    blocks: Blocks
+    solution: Solution
+
+
+class RampModel:
+    """The solid's rows over blocks as functions of (log times, contact): what the search moves."""
+
+    def __init__(self, blocks: Blocks, n_arms: int, contact_mm: float, *, contact_free: bool) -> None:
+        self.blocks = blocks
+        self.n_arms = n_arms
+        self.contact_mm = contact_mm
+        self.contact_free = contact_free
+
+    def __call__(self, parameters: FloatArray) -> Rows:
+        """Return rows of depth, arms and the constant 1 (2 + n_arms, K), with their slopes."""
+        times_s = np.exp(parameters[: self.n_arms])
+        contact_mm = float(parameters[-1]) if self.contact_free else self.contact_mm
+        answer = block_answer(self.blocks, contact_mm, times_s.tolist())
+        rows = np.concatenate([answer.rows, np.ones((1, answer.rows.shape[1]))])
+
+        def slopes(amplitudes: FloatArray) -> FloatArray:
+            by_log_time = amplitudes[1:-1, None] * answer.tau_slopes * times_s[:, None]
+            if not self.contact_free:
+                return by_log_time
+            by_contact = amplitudes[:-1] @ answer.contact_slopes
+            return np.concatenate([by_log_time, by_contact[None]])
+
+        return Rows(rows, slopes)
+
+
+def fit_ramp(window: FitWindow, n_arms: int = 2) -> RampSolution:
+    """Fit k0, n_arms arms (1 to 4), contact point and offset to a window; CannotFitError with the reason."""
+    if not 1 <= n_arms <= _MOST_ARMS:
+        raise ValueError(f"a fit has 1 to {_MOST_ARMS} arms, not {n_arms}")
+    contact = find_contact(window)
+    blocks = condense(window, contact.sample)
+    solution, contact = solve_blocks(blocks, window, contact, n_arms)
+    return _finish(window, blocks, solution, contact, n_arms)
+
+
+def solve_blocks(
+    blocks: Blocks, window: FitWindow, contact: Contact, n_arms: int, start: FloatArray | None = None
+) -> tuple[Solution, Contact]:
+    """Return the solution on blocks; a contact point that leaves the recorded motion is fixed at its start.
+
+    ``start`` gives log times and contact; without it they are looked for.
+    """
+    shortest_s = 2.0 * window.step_s
+    longest_s = _LONGEST_HOLDS * max(window.hold_s, shortest_s)
+    lowest_mm, highest_mm = float(blocks.position_mm.min()), float(blocks.position_mm.max())
+    if highest_mm - lowest_mm <= 0.0:
+        raise CannotFitError("the lever did not move: there is no indentation")
+    known = Contact(lowest_mm - 1e-9 * max(1.0, abs(lowest_mm)), 0, contact.force_before_mn, seen=False)
+    for candidate in (contact, known) if contact.seen else (known,):
+        model = RampModel(blocks, n_arms, candidate.position_mm, contact_free=candidate.seen)
+        if start is None or len(start) != n_arms + candidate.seen:
+            log_times = _starting_times(blocks, candidate.position_mm, n_arms, shortest_s, longest_s, window)
+            begin = np.append(log_times, candidate.position_mm) if candidate.seen else log_times
+        else:
+            begin = start
+        low = np.full(n_arms, np.log(shortest_s))
+        high = np.full(n_arms, np.log(longest_s))
+        if candidate.seen:
+            low, high = np.append(low, lowest_mm), np.append(high, highest_mm)
+        solution = solve_separable(model, blocks.force_mn, blocks.counts, begin, low, high)
+        if not (candidate.seen and solution.at_bound[-1]):
+            return solution, candidate
+    return solution, candidate
+
+
+def _starting_times(
+    blocks: Blocks, contact_mm: float, n_arms: int, shortest_s: float, longest_s: float, window: FitWindow
+) -> FloatArray:
+    """Return log times (n_arms,), the longest first: the best of all combinations on a grid."""
+    first_s = max(4.0 * shortest_s, min(window.hold_s / 2000.0, 0.02))
+    last_s = min(2.0 * window.hold_s, longest_s)
+    grid = np.geomspace(min(first_s, last_s / 100.0), last_s, _GRID_TIMES)
+    rows = block_answer(blocks, contact_mm, grid.tolist()).rows
+    rows = np.concatenate([rows, np.ones((1, rows.shape[1])), blocks.force_mn[None]])
+    gram = (rows * blocks.counts) @ rows.T
+    scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    gram = gram / np.outer(scale, scale)
+    choices = np.array(list(combinations(range(1, _GRID_TIMES + 1), n_arms)))
+    constant = np.full((len(choices), 1), _GRID_TIMES + 1)
+    columns = np.concatenate([np.zeros_like(constant), choices, constant], axis=1)
+    normal = gram[columns[:, :, None], columns[:, None, :]] + 1e-13 * np.eye(columns.shape[1])
+    right = gram[columns, -1]
+    amplitudes = np.linalg.solve(normal, right[:, :, None])[:, :, 0]
+    explained = np.sum(amplitudes * right, axis=1)
+    positive = np.all(amplitudes[:, : n_arms + 1] > 0, axis=1)
+    score = np.where(np.isfinite(explained), explained - 10.0 * ~positive, -np.inf)
+    return np.log(grid[choices[int(np.argmax(score))] - 1][::-1])
+
+
+def _finish(
+    window: FitWindow, blocks: Blocks, solution: Solution, contact: Contact, n_arms: int
+) -> RampSolution:
+    """Order the arms, take the residual at every sample, and the covariance from it."""
+    log_times = solution.parameters[:n_arms]
+    order = np.argsort(-log_times)
+    stiffness = np.concatenate([solution.amplitudes[:1], solution.amplitudes[1 : 1 + n_arms][order]])
+    times_s = np.exp(log_times[order])
+    contact_mm = float(solution.parameters[-1]) if contact.seen else contact.position_mm
+    offset_mn = float(solution.amplitudes[-1])
+    force_mn = sampled_force(blocks, contact_mm, stiffness, times_s) + offset_mn
+    residual_mn = window.force_mn[: len(force_mn)] - force_mn
+    n_parameters = len(solution.amplitudes) + len(solution.parameters)
+    noise = measure_noise(residual_mn, n_parameters)
+    rows = np.concatenate([[0], 1 + order, [n_arms + 1], n_arms + 2 + order])
+    if contact.seen:
+        rows = np.append(rows, 2 * n_arms + 2)
+    covariance = estimate_covariance(solution.jacobian[rows], blocks.counts, blocks.edges, noise)
+    return RampSolution(
+        stiffness, times_s, contact_mm, contact.seen, offset_mn, covariance, residual_mn, noise, blocks, solution
+    )

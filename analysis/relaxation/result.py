@@ -1,0 +1,102 @@
+"""What a fit found: estimates with standard errors, checks with their numbers, or the reason why there is none."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from analysis.recordings.trial import FloatArray
+
+Model = Literal["ramp", "step"]
+NAMES = ("A0_mn", "A1_over_A0", "A2_over_A0", "t1_s", "t2_s")
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A value and its standard error."""
+
+    value: float
+    se: float
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """A question asked of a trial's quality and its answer in numbers.
+
+    ``raised`` where ``value`` (in ``unit``) goes beyond ``limit``; ``text`` says in plain words what was found.
+    """
+
+    name: str
+    value: float
+    limit: float
+    unit: str
+    raised: bool
+    text: str
+
+    @property
+    def flag(self) -> str:
+        """The check as it stands in fits.csv: name, number and unit."""
+        return f"{self.name}={self.value:.3g}{' ' if self.unit else ''}{self.unit}"
+
+
+@dataclass(frozen=True, slots=True)
+class Amplitudes:
+    """The fitted solid and its place: stiffnesses (1 + n_arms,) mN/mm, k0 first, times longest first.
+
+    ``contact_mm`` in lever coordinates and ``offset_mn`` belong to the trial; ``parameters`` names the rows of
+    ``covariance`` (P, P).
+    """
+
+    stiffness_mn_per_mm: tuple[float, ...]
+    times_s: tuple[float, ...]
+    contact_mm: float
+    contact_se_mm: float
+    contact_seen: bool
+    offset_mn: float
+    offset_se_mn: float
+    indentation_mm: float
+    parameters: tuple[str, ...]
+    covariance: FloatArray = field(repr=False)
+
+
+@dataclass(frozen=True, slots=True)
+class TrialFit:
+    """One row of a study: a trial's labels, its estimates by the names of `NAMES`, its checks.
+
+    ``failure`` is the reason why ``estimates`` is empty. ``depth_mm`` is the protocol's, or the measured travel
+    of the ramp where it has none. ``solid`` is None where nothing was fitted and for the step model.
+    """
+
+    file: str
+    trial_id: str
+    model: Model
+    finger: str = ""
+    subject: str = ""
+    depth_mm: float | None = None
+    repeat: int | None = None
+    n_samples: int = 0
+    estimates: Mapping[str, Estimate] = field(default_factory=dict)
+    stiffness_mn_per_um: float | None = None
+    rms_mn: float | None = None
+    r2: float | None = None
+    ramp_s: float | None = None
+    hold_s: float | None = None
+    solid: Amplitudes | None = None
+    checks: tuple[Check, ...] = ()
+    failure: str = ""
+    discarded: str = ""
+
+    @property
+    def fitted(self) -> bool:
+        """Whether there are estimates."""
+        return not self.failure
+
+    @property
+    def flags(self) -> str:
+        """What the flags column of fits.csv says."""
+        parts = [f"discarded: {self.discarded}"] if self.discarded else []
+        if self.failure:
+            parts.append(f"not fitted: {self.failure}")
+        parts.extend(check.flag for check in self.checks if check.raised)
+        return "; ".join(" ".join(part.split()) for part in parts)

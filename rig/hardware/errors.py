@@ -30,7 +30,11 @@ class CardBusyError(CardError):
 
 
 class SamplesLostError(CardError):
-    """Samples were overwritten before they were read, or the output ran dry."""
+    """Samples were overwritten before they were read."""
+
+
+class OutputStarvedError(CardError):
+    """The output ran dry and stopped."""
 
 
 class SamplesLateError(CardError):
@@ -66,6 +70,10 @@ class LimitHit(HardwareError):  # noqa: N818 - an event at the bench, named as t
         self.unit = unit
         self.allowed = allowed
         self.position_mm = position_mm
+
+
+class NotWiredError(HardwareError):
+    """The rig file declares a wire that is not there."""
 
 
 class RetreatFailedError(HardwareError):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import contextlib
+import logging
 from types import TracebackType
 from typing import Self
 
@@ -10,123 +11,114 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.recordings.trial import Calibration
-from rig.rig_file import LeverSettings, RigFile
+from rig.errors import RigError
+from rig.hardware.daq import Card, CardInput
+from rig.hardware.drive import ArmWatcher, Drive
+from rig.hardware.errors import (
+    CardError,
+    HardwareError,
+    LimitHit,
+    LimitRefusedError,
+    NotWiredError,
+    RetreatFailedError,
+)
+from rig.hardware.limits import Watch, refuse_beyond_limits
+from rig.hardware.playback import Chunk, Playback
+from rig.hardware.recorder import Recorder
+from rig.hardware.retreat import LOOK_S, SETTLE_S, bring_to_safety, commanded_by_loopback_mm, straight_mm
+from rig.rig_file import RigFile
+
+__all__ = ["Chunk", "Lever", "Playback"]
 
 FloatArray = NDArray[np.float64]
 
+_log = logging.getLogger(__name__)
 
-@dataclass(frozen=True)
-class Chunk:
-    """Consecutive samples, in order and without a gap.
+_RING_S = 60.0
+"""Samples fetched and not yet read that are kept, s; beyond, the driver's buffer fills."""
 
-    ``start``: index of the first sample since recording began. ``position_v``, ``force_v``,
-    ``command_v``: volts, each (n,). ``command_v`` is the loop-back where it is wired, else the sent
-    command at its expected place.
-    """
+_AFTER_STOP = 8
+"""Samples averaged after a stop to read back where it stopped."""
 
-    start: int
-    position_v: FloatArray
-    force_v: FloatArray
-    command_v: FloatArray
-    calibration: Calibration
-
-    @property
-    def n(self) -> int:
-        """Number of samples."""
-        return len(self.position_v)
-
-    @property
-    def stop(self) -> int:
-        """Index of the sample after the last."""
-        return self.start + self.n
-
-    @property
-    def position_mm(self) -> FloatArray:
-        """Lever position, (n,), mm, positive into the skin."""
-        c = self.calibration
-        return (self.position_v - c.position_zero_v) / c.volts_per_mm
-
-    @property
-    def force_mn(self) -> FloatArray:
-        """Force, (n,), mN, positive in compression."""
-        c = self.calibration
-        return (self.force_v - c.force_zero_v) / c.volts_per_mn
-
-    @property
-    def command_mm(self) -> FloatArray:
-        """Commanded position, (n,), mm."""
-        c = self.calibration
-        return (self.command_v - c.command_zero_v) / c.command_volts_per_mm
-
-
-class Playback:
-    """A waveform on its way through the output."""
-
-    @property
-    def n(self) -> int:
-        """Number of samples of the waveform."""
-        raise NotImplementedError
-
-    @property
-    def expected_sample(self) -> int:
-        """The recording's sample at which the first sample is expected: right after the start was ordered."""
-        raise NotImplementedError
-
-    @property
-    def started_sample(self) -> int | None:
-        """The recording's sample at which the first sample of the waveform was out, exact by loop-back.
-
-        None while the samples read so far do not show it yet, or where it can't be known (no
-        loop-back wired, or a waveform that does not move).
-        """
-        raise NotImplementedError
-
-    @property
-    def alignment_unknown(self) -> bool:
-        """True where the place of the command can't be known to the sample: loop-back not wired."""
-        raise NotImplementedError
-
-    @property
-    def done(self) -> bool:
-        """True when the whole waveform is out and the samples read reach past its end."""
-        raise NotImplementedError
+_LOOPBACK_TOLERANCE_MM = 0.05
+"""A loop-back that differs by more from the command at rest is not wired to it."""
 
 
 class Lever:
-    """The arm, as a context manager: opens the card, and leaves the arm at the safe position.
+    """The arm, as a context manager: opens the card, and leaves the arm at the safe position if it moved.
 
     One thread of the program uses it; a reader thread of its own fetches and watches the samples.
+    ``card_address`` with "companion:" already resolved; ``calibration`` measured or nominal. ``guard``
+    is told when the arm leaves the safe position and when it is back.
     """
 
-    sample_rate_hz: float
-    calibration: Calibration
-    limits: LeverSettings
-
-    def __init__(self, rig: RigFile, card_address: str, calibration: Calibration) -> None:
-        """``card_address`` with "companion:" already resolved; ``calibration`` measured or nominal."""
-        raise NotImplementedError
+    def __init__(
+        self, rig: RigFile, card_address: str, calibration: Calibration, guard: ArmWatcher | None = None
+    ) -> None:
+        self.sample_rate_hz = rig.card.sample_rate_hz
+        self.calibration = calibration
+        self.limits = rig.lever
+        self._settings = rig.card
+        self._card = Card(card_address, rig.card.device)
+        self._drive = Drive(self._card, rig.card, guard)
+        self._watch = Watch(rig.lever, calibration, rig.card.range_v)
+        self._recorder: Recorder | None = None
+        self._limit_hit = False
+        self._retreating = False
 
     def __enter__(self) -> Self:
+        try:
+            with contextlib.closing(self._open_input()) as source:
+                source.start()
+                seen = source.read(round(LOOK_S * self.sample_rate_hz), timeout_s=5.0).mean(axis=1)
+        except CardError:
+            self._card.close()
+            raise
+        c = self.calibration
+        commanded_mm = (float(seen[0]) - c.position_zero_v) / c.volts_per_mm
+        if self.loopback_wired:
+            commanded_mm = commanded_by_loopback_mm(float(seen[2]), commanded_mm, c, self.limits)
+        self._drive.rest_at(self._volts_at(commanded_mm))
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        raise NotImplementedError
+        try:
+            if self._drive.away:
+                self.retreat()
+        except HardwareError as failure:
+            if error is None:
+                raise
+            _log.error("on the way out: %s", failure)
+        finally:
+            self._drop_tasks()
+            self._card.close()
+
+    @property
+    def loopback_wired(self) -> bool:
+        """Whether the command can be read back."""
+        return self._settings.loopback_channel is not None
 
     @property
     def commanded_mm(self) -> float:
-        """Where the arm was last told to be, mm; before the first motion, where it is."""
-        raise NotImplementedError
+        """Where the arm was last told to be, mm: the end of the last motion, or where it was stopped.
+
+        Before the first motion it is read back from the loop-back; without one it is the recorded
+        position, which is as good as the calibration, until the first `retreat` has made it exact.
+        """
+        c = self.calibration
+        return (self._drive.held_v - c.command_zero_v) / c.command_volts_per_mm
 
     @property
     def acquired(self) -> int:
         """Samples fetched from the card so far, read by the program or not."""
-        raise NotImplementedError
+        return 0 if self._recorder is None else self._recorder.filled
 
     def start_recording(self) -> None:
         """Start the inputs, which run on until `stop_recording`; sample 0 is the first after the start."""
-        raise NotImplementedError
+        self._refuse_while_recording()
+        self._record(self._open_input())
 
     def read(self, n: int, timeout_s: float | None = None) -> Chunk:
         """Return the next ``n`` samples in order, waiting for them.
@@ -134,35 +126,232 @@ class Lever:
         Raises SamplesLostError on a gap, SamplesLateError after ``timeout_s`` (default: their duration
         and 5 s), and LimitHit once, after the retract has begun; reading on then gives what follows.
         """
-        raise NotImplementedError
+        recorder = self._recording()
+        start = recorder.taken
+        block = recorder.take(n, timeout_s)
+        if self.loopback_wired:
+            command_v = block[2]
+            self._drive.feed(start, command_v)
+        else:
+            command_v = self._drive.sent_v(start, start + n)
+        return Chunk(start, block[0], block[1], command_v, self.calibration)
 
     def play(self, waveform_mm: FloatArray) -> Playback:
         """Load the whole finite waveform (n,), mm, one value a sample, and start it; return at once.
 
         It must begin where the arm is commanded to be (within a step of the speed limit). Raises
-        LimitRefusedError before anything is sent where it leaves the travel, is too fast or no number.
+        LimitRefusedError before anything is sent where it leaves the travel, is too fast or no number,
+        or while the arm still moves.
         """
-        raise NotImplementedError
+        recorder = self._recording()
+        volts = self._checked(waveform_mm)
+        with self._drive.lock:
+            # the reader thread may have hit a limit since the check
+            self._refuse_after_limit()
+            return self._drive.start(volts, acquired=recorder.acquired, taken=self._taken)
 
     def record_once(self, waveform_mm: FloatArray, tail_s: float = 0.0) -> tuple[Chunk, Playback]:
-        """Play a waveform and record it from its first sample, started by one trigger; recording must be off.
+        """Play a waveform and record it from its first sample, started by one trigger.
 
-        The chunk holds n + tail_s * sample_rate_hz samples.
+        Recording must be off. The chunk holds n + tail_s * sample_rate_hz samples.
         """
-        raise NotImplementedError
+        self._refuse_while_recording()
+        volts = self._checked(waveform_mm)
+        source = self._open_input()
+        try:
+            playback = self._drive.start_with_inputs(volts, taken=self._taken)
+        except CardError:
+            source.close()
+            raise
+        try:
+            # the output waits for the trigger that the start of the inputs gives
+            self._record(source)
+            return self.read(len(volts) + round(tail_s * self.sample_rate_hz)), playback
+        finally:
+            self.stop_recording()
 
     def halt(self) -> float:
-        """Stop the output now; return the commanded position in mm where it stopped, read back."""
-        raise NotImplementedError
+        """Stop the output now; return the commanded position in mm where it stopped, read back.
+
+        With loop-back it is read there; without, it is where the card had got to when it was asked,
+        some samples before the stop.
+        """
+        recorder = self._recording()
+        stopped = self._drive.stop()
+        if stopped is not None and self.loopback_wired:
+            playback, n_played = stopped
+            # the sample under way at the stop and the next may still show the motion
+            first = recorder.acquired() + 2
+            recorder.wait_for(first + _AFTER_STOP, heed=False)
+            held_v = float(recorder.peek(first, first + _AFTER_STOP)[2].mean())
+            held_v = float(playback.volts[int(np.argmin(np.abs(playback.volts - held_v)))])
+            self._drive.correct_stop(n_played, held_v)
+        return self.commanded_mm
 
     def retreat(self) -> None:
         """Move slew-limited to the safe position and wait until it is there.
 
-        Works after any failure of the current tasks (they are cleared and made anew). Raises
-        RetreatFailedError where the arm can't be moved.
+        Works after any failure of the current tasks: they are cleared and made anew, and recording has
+        then ended. Raises RetreatFailedError where the arm can't be moved.
         """
-        raise NotImplementedError
+        recorder = self._recorder
+        if recorder is not None and recorder.alive:
+            try:
+                self._retreat_recorded(recorder)
+            except NotWiredError:
+                raise
+            except HardwareError as error:
+                _log.warning("retreat while recording failed, taking new tasks: %s", error)
+            else:
+                return
+        self._drop_tasks()
+        try:
+            done = bring_to_safety(self._card, self._settings, self.limits, self.calibration)
+        except CardError as error:
+            raise RetreatFailedError(f"the arm could not be moved away, lift it by hand: {error}") from error
+        _log.info("arm moved from %.3f to %.3f mm", done.from_mm, done.to_mm)
+        self._drive.rest_at(self._volts_at(self.limits.safe_position_mm))
+        self._arrived()
 
     def stop_recording(self) -> None:
         """Stop the inputs; samples fetched and not yet read are dropped."""
-        raise NotImplementedError
+        recorder, self._recorder = self._recorder, None
+        if recorder is not None:
+            self._drive.rest_at(self._drive.held_v)
+            recorder.stop()
+
+    def _taken(self) -> int:
+        return 0 if self._recorder is None else self._recorder.taken
+
+    def _volts_at(self, mm: float) -> float:
+        return mm * self.calibration.command_volts_per_mm + self.calibration.command_zero_v
+
+    def _checked(self, waveform_mm: FloatArray) -> FloatArray:
+        """The waveform in volts, or LimitRefusedError."""
+        self._refuse_after_limit()
+        if self._drive.moving():
+            raise LimitRefusedError("the arm still moves; nothing was sent; wait for its end, or halt it")
+        refuse_beyond_limits(waveform_mm, self.limits, rate_hz=self.sample_rate_hz, from_mm=self.commanded_mm)
+        volts: FloatArray = (
+            waveform_mm * self.calibration.command_volts_per_mm + self.calibration.command_zero_v
+        )
+        needed_v, range_v = float(np.abs(volts).max()), self._settings.range_v
+        if needed_v > range_v:
+            raise LimitRefusedError(
+                f"the motion needs {needed_v:.2f} V of the card's {range_v:g} V; nothing was sent; lower "
+                "lever.travel_max_mm in rig.toml"
+            )
+        return volts
+
+    def _refuse_after_limit(self) -> None:
+        if self._limit_hit:
+            raise LimitRefusedError("a limit was hit; nothing was sent; retreat before the next motion")
+
+    def _refuse_while_recording(self) -> None:
+        if self._recorder is not None:
+            raise RigError("recording is on already; stop it before it is started again")
+
+    def _recording(self) -> Recorder:
+        if self._recorder is None:
+            raise RigError("recording is off; start it before the arm is moved or read")
+        return self._recorder
+
+    def _open_input(self) -> CardInput:
+        s = self._settings
+        channels = [s.position_channel, s.force_channel]
+        channels += [s.loopback_channel] if s.loopback_channel is not None else []
+        return self._card.open_input(
+            channels,
+            rate_hz=s.sample_rate_hz,
+            range_v=s.range_v,
+            buffer_samples=round(s.input_buffer_s * s.sample_rate_hz),
+        )
+
+    def _record(self, source: CardInput) -> None:
+        self._watch = Watch(self.limits, self.calibration, self._settings.range_v)
+        self._recorder = Recorder(
+            source,
+            rate_hz=self.sample_rate_hz,
+            ring_samples=round(_RING_S * self.sample_rate_hz),
+            read_samples=max(round(self._settings.read_interval_s * self.sample_rate_hz), 1),
+            inspect=self._inspect,
+        )
+        self._recorder.start()
+
+    def _inspect(self, start: int, block: FloatArray) -> None:
+        """Called by the reader thread with every block: on a limit, begin the retract, then say so."""
+        if self._limit_hit or self._retreating:
+            return
+        command_v = block[2] if self.loopback_wired else self._drive.sent_v(start, start + block.shape[1])
+        try:
+            self._watch.check(start, block[0], block[1], command_v)
+        except LimitHit as hit:
+            self._limit_hit = True
+            try:
+                self._begin_way_to_safety()
+            except CardError as error:
+                raise RetreatFailedError(
+                    f"{hit.limit} limit hit at {hit.position_mm:.3f} mm and the arm could not be moved away, "
+                    f"lift it by hand: {error}"
+                ) from error
+            raise
+
+    def _begin_way_to_safety(self) -> Playback:
+        recorder = self._recording()
+        with self._drive.lock:
+            self._drive.stop()
+            way_mm = straight_mm(
+                self.commanded_mm,
+                self.limits.safe_position_mm,
+                speed_mm_s=self.limits.retreat_speed_mm_s,
+                rate_hz=self.sample_rate_hz,
+            )
+            c = self.calibration
+            volts = way_mm * c.command_volts_per_mm + c.command_zero_v
+            return self._drive.start(volts, acquired=recorder.acquired, taken=self._taken)
+
+    def _retreat_recorded(self, recorder: Recorder) -> None:
+        """Retreat with the inputs running on, so that the way is recorded too."""
+        self._retreating = True
+        try:
+            self.halt()
+            playback = self._begin_way_to_safety()
+            n_settle = round(SETTLE_S * self.sample_rate_hz)
+            stop = playback.expected_sample + playback.n + n_settle
+            recorder.wait_for(stop, heed=False)
+            while self._drive.moving():
+                stop += n_settle
+                if stop > playback.expected_sample + playback.n + self.sample_rate_hz:
+                    raise RetreatFailedError("the output of the card does not end")
+                recorder.wait_for(stop, heed=False)
+            seen = recorder.peek(stop - n_settle // 2, stop).mean(axis=1)
+        finally:
+            self._retreating = False
+        c, safe_mm = self.calibration, self.limits.safe_position_mm
+        position_mm = (float(seen[0]) - c.position_zero_v) / c.volts_per_mm
+        if abs(position_mm - safe_mm) > self.limits.following_error_max_mm:
+            raise RetreatFailedError(f"the arm is at {position_mm:.2f} mm instead of {safe_mm:g} mm")
+        self._arrived()
+        if self.loopback_wired:
+            loopback_mm = (float(seen[2]) - c.command_zero_v) / c.command_volts_per_mm
+            if abs(loopback_mm - safe_mm) > _LOOPBACK_TOLERANCE_MM:
+                raise NotWiredError(
+                    f"card.loopback_channel reads {loopback_mm:.2f} mm while {safe_mm:g} mm is sent; wire "
+                    "the output to that input, or take the key out of rig.toml"
+                )
+
+    def _arrived(self) -> None:
+        self._limit_hit = False
+        self._watch = Watch(self.limits, self.calibration, self._settings.range_v)
+        self._drive.arrived()
+
+    def _drop_tasks(self) -> None:
+        """Free the card of all tasks; what can't be freed any more is noted and left."""
+        try:
+            self._drive.close()
+        except CardError as error:
+            _log.warning("closing the output: %s", error)
+        try:
+            self.stop_recording()
+        except CardError as error:
+            _log.warning("closing the inputs: %s", error)

@@ -1,0 +1,163 @@
+"""The output side of the lever, in volts: waveforms one after the other, what is held, when each began."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.hardware.alignment import CommandTrack, StartFinder
+from rig.hardware.daq import Card, CardOutput
+from rig.hardware.playback import Playback
+from rig.rig_file import CardSettings
+
+FloatArray = NDArray[np.float64]
+
+_HISTORY = 256
+"""Samples of loop-back kept from before a start, to know the rest it starts from."""
+
+
+class ArmWatcher(Protocol):
+    """Whoever must know when the arm leaves the safe position and when it is back."""
+
+    def arm_away(self) -> None:
+        """The arm is about to move."""
+
+    def arm_safe(self) -> None:
+        """The arm rests at the safe position."""
+
+
+class Drive:
+    """Sends waveforms and knows what the output holds.
+
+    The program's thread and the reader thread (when a limit is hit) both use it: ``lock`` is held
+    while the output changes, and nobody waits for samples under it.
+    """
+
+    def __init__(self, card: Card, settings: CardSettings, watcher: ArmWatcher | None) -> None:
+        self.lock = threading.RLock()
+        self.away = False
+        self._card = card
+        self._settings = settings
+        self._watcher = watcher
+        self._track = CommandTrack(float("nan"))
+        self._output: CardOutput | None = None
+        self._playback: Playback | None = None
+        self._finders: list[StartFinder] = []
+        self._history: FloatArray = np.empty(0)
+
+    @property
+    def held_v(self) -> float:
+        """What the output holds once all that was sent is out, V."""
+        return self._track.last_v
+
+    def rest_at(self, volts: float) -> None:
+        """The output holds ``volts``; sample counting begins anew."""
+        with self.lock:
+            self._track = CommandTrack(volts)
+            self._finders, self._history = [], np.empty(0)
+
+    def sent_v(self, start: int, stop: int) -> FloatArray:
+        """The sent command at its expected place, samples ``start`` to ``stop`` (exclusive), V."""
+        return self._track.volts(start, stop)
+
+    def moving(self) -> bool:
+        """Whether a waveform is still on its way; raises CardError where the card stopped it."""
+        with self.lock:
+            return self._output is not None and not self._output.done()
+
+    def start(self, volts: FloatArray, *, acquired: Callable[[], int], taken: Callable[[], int]) -> Playback:
+        """Load a waveform and start it now; ``acquired`` and ``taken`` count the samples of the recording."""
+        with self.lock:
+            output = self._load(volts, on_input_start=False)
+            not_before = acquired()
+            output.start()
+            return self._note(output, volts, not_before, acquired(), taken, triggered=False)
+
+    def start_with_inputs(self, volts: FloatArray, *, taken: Callable[[], int]) -> Playback:
+        """Load a waveform that begins with the first sample of the inputs, which are started next."""
+        with self.lock:
+            output = self._load(volts, on_input_start=True)
+            output.start()
+            return self._note(output, volts, 0, 0, taken, triggered=True)
+
+    def stop(self) -> tuple[Playback, int] | None:
+        """Stop now; the waveform that was the last and how many of its samples were out, or None."""
+        with self.lock:
+            output, playback = self._output, self._playback
+            if output is None or playback is None:
+                return None
+            n_played = min(max(output.generated(), 1), playback.n)
+            self.close()
+            for finder in self._finders:
+                finder.end_at(playback.expected_sample + n_played)
+            playback.mark_stopped()
+            self.correct_stop(n_played, float(playback.volts[n_played - 1]))
+            return playback, n_played
+
+    def correct_stop(self, n_played: int, held_v: float) -> None:
+        """What is held after the last stop is ``held_v``."""
+        self._track.cut(n_played, held_v)
+
+    def close(self) -> None:
+        """Stop the output, which keeps its voltage, and free it; does nothing where there is none."""
+        with self.lock:
+            output, self._output = self._output, None
+            if output is not None:
+                output.close()
+
+    def arrived(self) -> None:
+        """The arm rests at the safe position."""
+        self.away = False
+        if self._watcher is not None:
+            self._watcher.arm_safe()
+
+    def feed(self, start: int, loopback_v: FloatArray) -> None:
+        """Look for the start of what was sent in the next samples of the loop-back."""
+        with self.lock:
+            for finder in self._finders:
+                finder.feed(start, loopback_v)
+            self._finders = [finder for finder in self._finders if finder.searching]
+            self._history = np.concatenate([self._history, loopback_v])[-_HISTORY:]
+
+    def _load(self, volts: FloatArray, *, on_input_start: bool) -> CardOutput:
+        self.close()
+        if self._watcher is not None and not self.away:
+            self._watcher.arm_away()
+        self.away = True
+        s = self._settings
+        self._output = self._card.open_output(
+            s.command_channel,
+            volts,
+            rate_hz=s.sample_rate_hz,
+            range_v=s.range_v,
+            on_input_start=on_input_start,
+        )
+        return self._output
+
+    def _note(
+        self,
+        output: CardOutput,
+        volts: FloatArray,
+        not_before: int,
+        expected: int,
+        taken: Callable[[], int],
+        *,
+        triggered: bool,
+    ) -> Playback:
+        """Remember what was sent and when, and look for it in the loop-back from now on."""
+        for other in self._finders:
+            other.end_at(not_before)
+        finder = None
+        if self._settings.loopback_channel is not None:
+            finder = StartFinder(volts, self._track.last_v, not_before)
+            finder.feed(taken() - len(self._history), self._history)
+            self._finders.append(finder)
+        self._track.add(expected, volts)
+        self._playback = Playback(
+            output, volts, expected_sample=expected, triggered=triggered, finder=finder, samples_read=taken
+        )
+        return self._playback

@@ -1,0 +1,125 @@
+"""What the arm may do: a waveform is checked before it is sent, the samples while it moves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.recordings.trial import Calibration
+from rig.hardware.errors import LimitHit, LimitRefusedError
+from rig.rig_file import LeverSettings
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+STEP_TOLERANCE_MM = 0.005
+"""A waveform may begin this far from where the arm is commanded to be: converters and noise, no jump."""
+
+_TRAVEL_MARGIN_MM = 0.2
+"""The recorded position may pass the travel by this: noise, overshoot, constants not yet calibrated."""
+
+_PERSISTENT_SAMPLES = 4
+"""A limit is hit when so many samples in a row pass it: half a millisecond, so that no single spike does."""
+
+
+def refuse_beyond_limits(
+    waveform_mm: FloatArray, limits: LeverSettings, *, rate_hz: float, from_mm: float | None
+) -> None:
+    """Raise LimitRefusedError where a waveform (n,), mm, is not for this lever.
+
+    ``from_mm``: where the arm is commanded to be; None where it need not begin there.
+    """
+    if waveform_mm.ndim != 1 or len(waveform_mm) < 2:
+        raise LimitRefusedError(
+            f"a motion needs 2 samples or more in one row, not {waveform_mm.shape}; nothing was sent"
+        )
+    if not np.all(np.isfinite(waveform_mm)):
+        where = int(np.argmin(np.isfinite(waveform_mm)))
+        raise LimitRefusedError(f"sample {where} of the motion is no number; nothing was sent")
+    low_mm, high_mm = float(waveform_mm.min()), float(waveform_mm.max())
+    if low_mm < limits.travel_min_mm - 1e-9 or high_mm > limits.travel_max_mm + 1e-9:
+        raise LimitRefusedError(
+            f"the motion goes from {low_mm:.3f} to {high_mm:.3f} mm, beyond the travel of "
+            f"{limits.travel_min_mm:g} to {limits.travel_max_mm:g} mm; nothing was sent; lower the depth, or "
+            "move the finger nearer"
+        )
+    speed_mm_s = float(np.abs(np.diff(waveform_mm)).max()) * rate_hz
+    if speed_mm_s > limits.speed_max_mm_s * (1 + 1e-6):
+        raise LimitRefusedError(
+            f"the motion reaches {speed_mm_s:.4g} mm/s, above lever.speed_max_mm_s = "
+            f"{limits.speed_max_mm_s:g}; nothing was sent; lower its speed"
+        )
+    if from_mm is not None:
+        jump_mm = abs(float(waveform_mm[0]) - from_mm)
+        if jump_mm > limits.speed_max_mm_s / rate_hz + STEP_TOLERANCE_MM:
+            raise LimitRefusedError(
+                f"the motion begins at {waveform_mm[0]:.3f} mm while the arm is at {from_mm:.3f} mm; nothing "
+                "was sent; begin where the arm is"
+            )
+
+
+@dataclass
+class _Streak:
+    """How many samples in a row have passed a limit, carried from block to block."""
+
+    length: int = 0
+
+    def first_hit(self, beyond: BoolArray) -> int | None:
+        """Index of the sample that makes the streak long enough, or None."""
+        if not beyond.any():
+            self.length = 0
+            return None
+        for i, is_beyond in enumerate(beyond):
+            self.length = self.length + 1 if is_beyond else 0
+            if self.length >= _PERSISTENT_SAMPLES:
+                return i
+        return None
+
+
+class Watch:
+    """Checks every block of samples against the limits, in order."""
+
+    def __init__(self, limits: LeverSettings, calibration: Calibration, range_v: float) -> None:
+        self._limits = limits
+        self._calibration = calibration
+        # the converter's last step at either end
+        self._full_scale_v = range_v * (1 - 2.0**-14)
+        self._streaks = {name: _Streak() for name in ("force", "travel", "following error", "saturation")}
+
+    def check(self, start: int, position_v: FloatArray, force_v: FloatArray, command_v: FloatArray) -> None:
+        """Raise LimitHit where a limit is passed; ``start`` is the sample index of the block."""
+        c, limits = self._calibration, self._limits
+        position_mm = (position_v - c.position_zero_v) / c.volts_per_mm
+        if not (np.isfinite(position_v).all() and np.isfinite(force_v).all()):
+            where = int(np.argmin(np.isfinite(position_v) & np.isfinite(force_v)))
+            raise LimitHit(
+                "not a number",
+                sample=start + where,
+                value=float("nan"),
+                unit="V",
+                allowed=self._full_scale_v,
+                position_mm=float(position_mm[where]),
+            )
+        force_mn = (force_v - c.force_zero_v) / c.volts_per_mn
+        command_mm = (command_v - c.command_zero_v) / c.command_volts_per_mm
+        middle_mm = (limits.travel_max_mm + limits.travel_min_mm) / 2
+        reach_mm = (limits.travel_max_mm - limits.travel_min_mm) / 2 + _TRAVEL_MARGIN_MM
+        # a force below zero counts as well: skin that clings, or an arm that is held
+        for limit, signal, about, allowed, unit in (
+            ("force", force_mn, 0.0, limits.force_max_mn, "mN"),
+            ("following error", command_mm - position_mm, 0.0, limits.following_error_max_mm, "mm"),
+            ("travel", position_mm, middle_mm, reach_mm, "mm"),
+            ("saturation", force_v, 0.0, self._full_scale_v, "V"),
+        ):
+            hit = self._streaks[limit].first_hit(np.abs(signal - about) > allowed)
+            if hit is not None:
+                raise LimitHit(
+                    limit,
+                    sample=start + hit,
+                    value=float(signal[hit]),
+                    unit=unit,
+                    allowed=about + allowed,
+                    position_mm=float(position_mm[hit]),
+                )

@@ -1,0 +1,126 @@
+"""What is done before a recording: hands, stage, weights, and the finger's rest."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from rig.engine.bench import Bench
+from rig.engine.interrupts import Interrupts
+from rig.engine.progress import clock_words
+from rig.engine.states import State
+from rig.protocols.steps import Ask, MoveStage, Preparation, Rest, WeighMass
+
+_SLICE_S = 1.0
+"""A rest passes in slices, so that it can be shown and stopped; in one where the clock outruns the wall's."""
+
+
+@dataclass(slots=True)
+class Prepared:
+    """What a preparation brought to light: what was done, in a few words each, and the mass that hangs."""
+
+    words: list[str]
+    mass_g: float | None = None
+
+
+class Preparations:
+    """Does the steps before a recording.
+
+    `enter` is told the state, `spend` the bench time used, `say` the words and the prompt to show.
+    """
+
+    def __init__(
+        self,
+        bench: Bench,
+        interrupts: Interrupts,
+        *,
+        enter: Callable[[State], None],
+        spend: Callable[[float], None],
+        say: Callable[[str], None],
+    ) -> None:
+        self._bench = bench
+        self._interrupts = interrupts
+        self._enter = enter
+        self._spend = spend
+        self._say = say
+        self._ended_s: float | None = None
+
+    def do(self, steps: tuple[Preparation, ...]) -> Prepared:
+        """Do the steps in order."""
+        prepared = Prepared([])
+        for step in steps:
+            if isinstance(step, Rest):
+                self._rest(step)
+            else:
+                self._by_hand(step, prepared)
+                self._spend(step.expected_s)
+        return prepared
+
+    def indentation_ended(self) -> None:
+        """Remember that an indentation has just ended: from now the finger rests."""
+        self._ended_s = self._bench.clock.time_s()
+
+    def rested_s(self) -> float | None:
+        """Return the time since the previous indentation of this run ended, s; None before the first."""
+        return None if self._ended_s is None else self._bench.clock.time_s() - self._ended_s
+
+    def _by_hand(self, step: Ask | MoveStage | WeighMass, prepared: Prepared) -> None:
+        self._enter(State.PREPARING)
+        with self._interrupts.waiting():
+            match step:
+                case Ask():
+                    prepared.words.append(self._ask(step.words, step.request, step.details))
+                case MoveStage():
+                    prepared.words.append(self._move_stage(step.position_um))
+                case WeighMass():
+                    self._hang(step.mass_g, prepared)
+
+    def _ask(self, words: str, request: str, details: Mapping[str, Any]) -> str:
+        self._say(words)
+        return self._bench.operator.request(request, details)
+
+    def _move_stage(self, position_um: float) -> str:
+        words = f"Z stage to {position_um:g} um"
+        if self._bench.stage is None:
+            return self._ask(
+                f"{words}: turn the micrometer.", "turn_micrometer", {"position_um": position_um}
+            )
+        self._say(words)
+        self._bench.stage.move_to_um(position_um)
+        return f"stage at {position_um:g} um"
+
+    def _hang(self, mass_g: float, prepared: Prepared) -> None:
+        """Hang a weight, after the balance, where there is one, has said what it really is."""
+        prepared.mass_g = mass_g
+        balance = self._bench.balance
+        if balance is not None and mass_g > 0:
+            self._ask(
+                f"Put the weight of {mass_g:g} g on the balance.", "place_on_balance", {"mass_g": mass_g}
+            )
+            prepared.mass_g = balance.weigh_g()
+            self._ask("Take it off the balance.", "place_on_balance", {"mass_g": 0.0})
+            prepared.words.append(f"the weight of {mass_g:g} g weighs {prepared.mass_g:.4f} g")
+        words = (
+            f"Hang {mass_g:g} g from the arm by a rubber band." if mass_g else "Take all weights off the arm."
+        )
+        prepared.words.append(self._ask(words, "hang_weight", {"mass_g": mass_g}))
+
+    def _rest(self, step: Rest) -> None:
+        self._enter(State.RESTING)
+        clock = self._bench.clock
+        since_s = self.rested_s()
+        left_s = step.since_last_s - (since_s or 0.0)
+        slice_s = _SLICE_S
+        with self._interrupts.waiting():
+            while left_s > 0:
+                self._say(f"resting, {clock_words(left_s)} left")
+                wall = time.monotonic()
+                before_s = clock.time_s()
+                clock.sleep(min(slice_s, left_s))
+                passed_s = clock.time_s() - before_s
+                if time.monotonic() - wall < 0.1 * slice_s:
+                    slice_s = left_s
+                self._spend(passed_s)
+                left_s -= passed_s

@@ -1,0 +1,131 @@
+"""Samples of one trial on their way: from the lever to the file and to whoever follows the run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from analysis.recordings import TrialWriter
+from analysis.recordings.trial import Event, FloatArray, Phase, Surface
+from rig.hardware.errors import HardwareError, LimitHit
+from rig.hardware.lever import Chunk, Lever, Playback
+
+_LONGEST_READ_S = 0.05
+"""Read and written at a time: half of the 100 ms that may be missing after a kill."""
+
+_AFTER_LIMIT_S = 0.3
+"""Still recorded after a limit was hit: the arm on its way out."""
+
+
+class Recorder:
+    """Takes every sample of a trial once, in order.
+
+    `check` is called before each read and may raise to end the trial; `follow` is handed every chunk.
+    """
+
+    def __init__(
+        self, lever: Lever, writer: TrialWriter, check: Callable[[], None], follow: Callable[[Chunk], None]
+    ) -> None:
+        self._lever = lever
+        self._writer = writer
+        self._check = check
+        self._follow = follow
+        self._position_mm = np.empty(0)
+        self._force_mn = np.empty(0)
+        self._phases: list[Phase] = []
+        self.n = 0
+
+    @property
+    def position_mm(self) -> FloatArray:
+        """Positions of the trial so far, (n,), mm."""
+        return self._position_mm[: self.n]
+
+    @property
+    def force_mn(self) -> FloatArray:
+        """Forces of the trial so far, (n,), mN."""
+        return self._force_mn[: self.n]
+
+    def take(self, n: int) -> Chunk:
+        """Read the next n samples, write them, hand them on; after a limit hit, what follows it as well."""
+        self._check()
+        try:
+            return self._next(n)
+        except LimitHit as hit:
+            self.note(hit.sample, "limit", str(hit))
+            self._keep_after_limit()
+            raise
+
+    def take_until(self, stop: int) -> None:
+        """Record up to sample `stop`, exclusive."""
+        longest = max(1, int(_LONGEST_READ_S * self._lever.sample_rate_hz))
+        while self.n < stop:
+            self.take(min(longest, stop - self.n))
+
+    def take_for(self, duration_s: float) -> None:
+        """Record for a length of time."""
+        self.take_until(self.n + round(duration_s * self._lever.sample_rate_hz))
+
+    def started(self, playback: Playback) -> int:
+        """Return the sample at which a waveform began to move, reading on until it is known.
+
+        Where it can't be known to the sample, where it was expected, with an event that says so.
+        """
+        step = max(1, int(0.005 * self._lever.sample_rate_hz))
+        while playback.started_sample is None and not playback.alignment_unknown and not playback.done:
+            self.take(step)
+        if playback.started_sample is not None:
+            return playback.started_sample
+        self.note(
+            playback.expected_sample,
+            "alignment",
+            "the command's place among the samples is not known exactly: no loop-back is wired",
+        )
+        return playback.expected_sample
+
+    def begin_phase(self, name: str, sample: int) -> None:
+        """The phase before ends at `sample` and this one begins; `sample` may lie in the past."""
+        if self._phases:
+            last = self._phases[-1]
+            self._phases[-1] = Phase(last.name, last.start, max(sample, last.start))
+        self._phases.append(Phase(name, sample, max(sample, self.n)))
+        self._writer.set_phases(self._phases)
+
+    def end_phase(self, sample: int | None = None) -> None:
+        """The last phase ends at `sample`, or where the samples end."""
+        if self._phases:
+            last = self._phases[-1]
+            self._phases[-1] = Phase(last.name, last.start, self.n if sample is None else sample)
+            self._writer.set_phases(self._phases)
+
+    def surface(self, surface: Surface) -> None:
+        """Keep where the surface was found."""
+        self._writer.set_surface(surface)
+
+    def note(self, sample: int, kind: str, message: str) -> None:
+        """Keep an event with the trial."""
+        self._writer.add_event(Event(sample, kind, message))
+
+    def _keep_after_limit(self) -> None:
+        """Record the arm's way out; where even that fails, the limit hit is what is told."""
+        try:
+            self._next(round(_AFTER_LIMIT_S * self._lever.sample_rate_hz))
+        except HardwareError as error:
+            self.note(self.n, "recording", f"nothing recorded after the limit was hit: {error}")
+
+    def _next(self, n: int) -> Chunk:
+        chunk = self._lever.read(n)
+        self._writer.append(chunk.position_v, chunk.force_v, chunk.command_v)
+        self._keep(chunk)
+        self._follow(chunk)
+        return chunk
+
+    def _keep(self, chunk: Chunk) -> None:
+        needed = self.n + chunk.n
+        if needed > len(self._position_mm):
+            more = np.empty(max(needed, 2 * len(self._position_mm), 1 << 16))
+            self._position_mm = np.concatenate([self.position_mm, more[self.n :]])
+            self._force_mn = np.concatenate([self.force_mn, more[self.n :]])
+        self._position_mm[self.n : needed] = chunk.position_mm
+        self._force_mn[self.n : needed] = chunk.force_mn
+        self.n = needed

@@ -1,0 +1,95 @@
+"""Where a run was: what its folder holds already, what is still to do, and under which names."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from analysis.errors import BadInputError
+from analysis.recordings import read_trial
+from analysis.recordings.trial import Trial
+from rig.engine.runner import Task
+from rig.protocols.steps import Ask, Plan, PlannedTrial, Preparation
+
+PROTOCOL_FILE = "protocol.toml"
+_ATTEMPT = re.compile(r"(?P<name>.+?)(?:_again(?P<number>\d+))?$")
+
+
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """What a folder says of a run: tasks still to do, how many are done, and whether any indentation was made."""
+
+    tasks: tuple[Task, ...]
+    n_done: int
+    begun: bool
+
+
+def standing(plan: Plan, toml: str, out: Path) -> Standing:
+    """Return what is left of a plan in the folder `out`, which need not exist.
+
+    A trial counts as done where a file of its name is complete and not discarded; otherwise it is recorded
+    again under a new name, at a new site. Raises BadInputError where the folder holds another protocol, or
+    trials of none.
+    """
+    if out.exists() and not out.is_dir():
+        raise BadInputError(f"{out}: is a file, not a folder: give another --out")
+    _check_same(toml, out)
+    attempts: dict[str, list[Path]] = {}
+    for path in sorted(out.glob("*.h5")):
+        match = _ATTEMPT.match(path.stem)
+        if match is not None:
+            attempts.setdefault(match["name"], []).append(path)
+    tasks, n_done = [], 0
+    for trial in plan.trials:
+        earlier = attempts.get(trial.name, [])
+        if any(_counts(path) for path in earlier):
+            n_done += 1
+        elif earlier:
+            number = 1 + max(int(_ATTEMPT.match(path.stem)["number"] or 1) for path in earlier)  # type: ignore[index]
+            tasks.append(Task(_again(trial, number), out / f"{trial.name}_again{number}.h5"))
+        else:
+            tasks.append(Task(trial, out / f"{trial.name}.h5"))
+    return Standing(tuple(tasks), n_done, bool(attempts))
+
+
+def keep_protocol(toml: str, out: Path) -> None:
+    """Make the folder and keep the protocol's text in it, so that a later run knows what it holds."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        (out / PROTOCOL_FILE).write_text(toml, encoding="utf-8")
+    except OSError as error:
+        raise BadInputError(f"{out}: can't be written ({error.strerror}): give another --out") from error
+
+
+def _check_same(toml: str, out: Path) -> None:
+    kept = out / PROTOCOL_FILE
+    if kept.exists():
+        if kept.read_text(encoding="utf-8") != toml:
+            raise BadInputError(
+                f"{out}: holds a run of another protocol (its {PROTOCOL_FILE} differs): give another --out"
+            )
+    elif any(out.glob("*.h5")):
+        raise BadInputError(f"{out}: holds trials of something else (no {PROTOCOL_FILE}): give another --out")
+
+
+def _counts(path: Path) -> bool:
+    """Whether a file is a good trial; one that was cut off or can't be read is not."""
+    try:
+        trial: Trial = read_trial(path)
+    except BadInputError:
+        return False
+    return trial.status == "complete" and not trial.discarded
+
+
+def _again(trial: PlannedTrial, number: int) -> PlannedTrial:
+    """Return the trial at a site not pressed before."""
+    site = f"{trial.specimen.site}-{number}"
+    preparations: Sequence[Preparation] = [
+        replace(step, details={**step.details, "site": site}, words=f"{step.words} (again: site {site})")
+        if isinstance(step, Ask) and step.request == "place_finger"
+        else step
+        for step in trial.preparations
+    ]
+    return replace(trial, preparations=tuple(preparations), specimen=replace(trial.specimen, site=site))

@@ -1,0 +1,203 @@
+"""The runner: takes a plan through its states, trial by trial, and leaves the arm clear of the skin."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Protocol
+
+from analysis.recordings import TrialHeader, TrialWriter
+from analysis.recordings.trial import Specimen
+from rig.engine.bench import Bench
+from rig.engine.interrupts import Interrupts
+from rig.engine.motions import TrialMotions, move_to
+from rig.engine.preparing import Preparations, Prepared
+from rig.engine.progress import Countdown, Snapshot
+from rig.engine.recorder import Recorder
+from rig.engine.states import State, StateMachine
+from rig.hardware.lever import Chunk
+from rig.protocols.steps import Approach, Plan, PlannedTrial, Rest, Sweep
+
+_SHOW_EVERY_S = 0.25
+"""While samples come, progress is shown no more often than this, s of the wall clock."""
+
+_ROOM = 1.5
+"""Room reserved in a file, as a multiple of the samples expected."""
+
+_FREE_WAY_MN = 10.0
+"""Force that stops a move where only air is expected and the approach says nothing better."""
+
+
+class Observer(Protocol):
+    """Sees a run and can't hold it up: the feed, a progress bar, a test."""
+
+    def show(self, snapshot: Snapshot) -> None:
+        """See what the run does now."""
+        ...
+
+    def follow(self, chunk: Chunk) -> None:
+        """See samples as they come."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """A planned trial and the file it goes to."""
+
+    trial: PlannedTrial
+    path: Path
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """A trial that was recorded to its end; `mass_g` is what hung from the arm, where a weight did."""
+
+    task: Task
+    mass_g: float | None
+
+
+class Runner:
+    """Runs tasks on a bench, as the only thing that acts.
+
+    Whatever happens in a trial, the arm is taken to the safe position before anything else, and the file
+    is closed with how it ended.
+    """
+
+    def __init__(self, bench: Bench, interrupts: Interrupts, observers: Sequence[Observer] = ()) -> None:
+        self._bench = bench
+        self._interrupts = interrupts
+        self._observers = observers
+        self._machine = StateMachine()
+        self._snapshot = Snapshot(title="", state=State.IDLE)
+        self._countdown = Countdown(())
+        self._shown_at = 0.0
+        self._contact_mm: float | None = None
+        self._preparations = Preparations(
+            bench, interrupts, enter=self._enter, spend=self._spend, say=self._say
+        )
+
+    def run(self, plan: Plan, tasks: Sequence[Task], out: Path) -> list[Recorded]:
+        """Run the tasks in order, then the plan's closing steps.
+
+        Raises Interrupted after a clean stop, RigError where a trial failed; the trial's file is kept,
+        marked as aborted.
+        """
+        self._countdown = Countdown([task.trial for task in tasks])
+        self._snapshot = replace(self._snapshot, title=plan.title, n_trials=len(tasks), out=str(out))
+        recorded: list[Recorded] = []
+        try:
+            for number, task in enumerate(tasks, start=1):
+                self._snapshot = replace(self._snapshot, trial=task.trial.name, trial_number=number)
+                recorded.append(self._run_trial(task))
+                self._countdown.next_trial()
+                self._enter(State.SAVED)
+            self._preparations.do(plan.closing)
+        except BaseException as error:
+            self._leave()
+            self._say(" ".join(str(error).split()))
+            self._enter(State.STOPPED if isinstance(error, KeyboardInterrupt) else State.FAILED)
+            raise
+        self._say("")
+        self._enter(State.FINISHED)
+        return recorded
+
+    def _run_trial(self, task: Task) -> Recorded:
+        trial = task.trial
+        self._enter(State.PREPARING)
+        prepared = self._preparations.do(trial.preparations)
+        self._enter(State.POSITIONING)
+        self._say("")
+        try:
+            self._go_to_start(trial)
+            with self._open(task, prepared) as writer:
+                try:
+                    self._record(trial, writer)
+                finally:
+                    self._leave()
+        finally:
+            self._leave()
+        self._preparations.indentation_ended()
+        return Recorded(task, prepared.mass_g)
+
+    def _record(self, trial: PlannedTrial, writer: TrialWriter) -> None:
+        lever = self._bench.lever
+        recorder = Recorder(lever, writer, self._interrupts.check, self._follow)
+        lever.start_recording()
+        motions = TrialMotions(lever, recorder, self._enter)
+        for motion in trial.motions:
+            motions.do(motion)
+        if motions.surface is not None:
+            self._contact_mm = motions.surface.position_mm
+
+    def _leave(self) -> None:
+        """The one finaliser: take the arm clear of the skin; does nothing where it has been done."""
+        if self._machine.state is State.LEAVING:
+            return
+        with self._interrupts.shielded():
+            self._enter(State.LEAVING)
+            self._bench.lever.retreat()
+            self._bench.lever.stop_recording()
+
+    def _go_to_start(self, trial: PlannedTrial) -> None:
+        """Move through the air to where the first motion begins."""
+        lever, first = self._bench.lever, trial.motions[0]
+        start_mm, threshold_mn = None, _FREE_WAY_MN
+        if isinstance(first, Sweep):
+            start_mm = first.from_mm
+        elif isinstance(first, Approach):
+            start_mm, threshold_mn = first.start_mm, first.threshold_mn
+            if first.short_of_previous_mm is not None and self._contact_mm is not None:
+                start_mm = self._contact_mm - first.short_of_previous_mm
+        if start_mm is not None:
+            start_mm = max(start_mm, lever.limits.travel_min_mm)
+            move_to(lever, start_mm, threshold_mn, self._interrupts.check)
+
+    def _open(self, task: Task, prepared: Prepared) -> TrialWriter:
+        trial, lever = task.trial, self._bench.lever
+        header = TrialHeader(
+            kind=trial.kind,
+            source=self._bench.source,
+            sample_rate_hz=lever.sample_rate_hz,
+            calibration=lever.calibration,
+            protocol=trial.summary,
+            specimen=self._specimen(trial),
+            log=(f"recorded by indenter as {trial.name}", *prepared.words),
+        )
+        seconds = trial.expected_s - sum(
+            step.since_last_s if isinstance(step, Rest) else step.expected_s for step in trial.preparations
+        )
+        return TrialWriter(task.path, header, round(_ROOM * seconds * lever.sample_rate_hz))
+
+    def _specimen(self, trial: PlannedTrial) -> Specimen:
+        """Return the specimen with the rest it has had, where it is tissue and was pressed before."""
+        rested_s = self._preparations.rested_s()
+        if rested_s is None or trial.kind != "ramp_hold_retract":
+            return trial.specimen
+        return replace(trial.specimen, rest_s=round(rested_s, 2))
+
+    # what observers see
+
+    def _enter(self, state: State) -> None:
+        self._machine.to(state)
+        self._show(replace(self._snapshot, state=state))
+
+    def _say(self, message: str) -> None:
+        self._show(replace(self._snapshot, message=message))
+
+    def _spend(self, seconds: float) -> None:
+        self._countdown.use(seconds)
+
+    def _follow(self, chunk: Chunk) -> None:
+        self._countdown.use(chunk.n / self._bench.lever.sample_rate_hz)
+        for observer in self._observers:
+            observer.follow(chunk)
+        if time.monotonic() - self._shown_at > _SHOW_EVERY_S:
+            self._show(self._snapshot)
+
+    def _show(self, snapshot: Snapshot) -> None:
+        self._snapshot = replace(snapshot, done_s=self._countdown.done_s, left_s=self._countdown.left_s)
+        self._shown_at = time.monotonic()
+        for observer in self._observers:
+            observer.show(self._snapshot)

@@ -37,6 +37,9 @@ _log = logging.getLogger(__name__)
 _RING_S = 60.0
 """Samples fetched and not yet read that are kept, s; beyond, the driver's buffer fills."""
 
+_AT_REST = 16
+"""Samples at rest that precede every motion."""
+
 _AFTER_STOP = 8
 """Samples averaged after a stop to read back where it stopped."""
 
@@ -145,6 +148,8 @@ class Lever:
         """
         recorder = self._recording()
         volts = self._checked(waveform_mm)
+        # the loop-back must have been seen at rest to tell when it leaves it
+        recorder.wait_for(recorder.acquired() + _AT_REST)
         with self._drive.lock:
             # the reader thread may have hit a limit since the check
             self._refuse_after_limit()

@@ -1,0 +1,39 @@
+"""Calls to a control service (XML-RPC) that stands in for the clock on the wall and the operator's hands."""
+
+from __future__ import annotations
+
+import http.client
+import xmlrpc.client
+from typing import Any
+
+from rig.hardware.errors import OperatorError
+
+
+class ControlService:
+    """A control service; one user at a time.
+
+    ``address``: http://host:port.
+    """
+
+    def __init__(self, address: str) -> None:
+        self.address = address
+        self._proxy = xmlrpc.client.ServerProxy(address, allow_none=True)
+
+    def call(self, method: str, *arguments: Any) -> Any:
+        """Call a method; OperatorError, in one line, where the service refuses or does not answer."""
+        try:
+            return getattr(self._proxy, method)(*arguments)
+        except xmlrpc.client.Fault as fault:
+            said = (
+                fault.faultString.strip().splitlines()[-1] if fault.faultString.strip() else "no reason given"
+            )
+            raise OperatorError(f"control service {self.address}: {method} refused: {said}") from fault
+        except (OSError, http.client.HTTPException, xmlrpc.client.Error) as error:
+            raise OperatorError(
+                f"control service {self.address} does not answer ({error}); start it, or take [operator] and "
+                "[clock] out of rig.toml"
+            ) from error
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._proxy("close")()

@@ -2,32 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 from analysis.recordings.trial import Source
+from rig.hardware.clock import Clock
 from rig.hardware.lever import Lever
-
-
-class Clock(Protocol):
-    """Tells the bench's time and lets it pass: the system's, or that of a simulated bench."""
-
-    def time_s(self) -> float:
-        """Return the time now, s."""
-        ...
-
-    def sleep(self, duration_s: float) -> None:
-        """Let so much time pass."""
-        ...
-
-
-class Operator(Protocol):
-    """The hands at the bench: a person at the console, or a control service."""
-
-    def request(self, kind: str, details: Mapping[str, Any]) -> str:
-        """Ask for something and wait until it is done; return what was done in a few words."""
-        ...
+from rig.hardware.operator import Operator
 
 
 class Stage(Protocol):

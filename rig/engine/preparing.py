@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 from rig.engine.bench import Bench
 from rig.engine.interrupts import Interrupts
 from rig.engine.progress import clock_words
 from rig.engine.states import State
+from rig.hardware.operator import Details, words_for
 from rig.protocols.steps import Ask, MoveStage, Preparation, Rest, WeighMass
 
 _SLICE_S = 1.0
@@ -26,7 +26,7 @@ class Prepared:
 
 
 class Preparations:
-    """Does the steps before a recording.
+    """Does the steps before a recording; what stands already is not asked for again.
 
     `enter` is told the state, `spend` the bench time used, `say` the words and the prompt to show.
     """
@@ -46,6 +46,8 @@ class Preparations:
         self._spend = spend
         self._say = say
         self._ended_s: float | None = None
+        self._below: Ask | None = None
+        self._stage_um: float | None = None
 
     def do(self, steps: tuple[Preparation, ...]) -> Prepared:
         """Do the steps in order."""
@@ -53,10 +55,20 @@ class Preparations:
         for step in steps:
             if isinstance(step, Rest):
                 self._rest(step)
-            else:
+            elif not self._stands(step):
                 self._by_hand(step, prepared)
                 self._spend(step.expected_s)
         return prepared
+
+    def _stands(self, step: Ask | MoveStage | WeighMass) -> bool:
+        """Whether the bench is already as a step wants it."""
+        if isinstance(step, MoveStage):
+            before, self._stage_um = self._stage_um, step.position_um
+            return before == step.position_um
+        if isinstance(step, Ask):
+            last, self._below = self._below, step
+            return last is not None and (last.request, last.details) == (step.request, step.details)
+        return False
 
     def indentation_ended(self) -> None:
         """Remember that an indentation has just ended: from now the finger rests."""
@@ -71,23 +83,20 @@ class Preparations:
         with self._interrupts.waiting():
             match step:
                 case Ask():
-                    prepared.words.append(self._ask(step.words, step.request, step.details))
+                    prepared.words.append(self._ask(step.request, step.details))
                 case MoveStage():
                     prepared.words.append(self._move_stage(step.position_um))
                 case WeighMass():
                     self._hang(step.mass_g, prepared)
 
-    def _ask(self, words: str, request: str, details: Mapping[str, Any]) -> str:
-        self._say(words)
+    def _ask(self, request: str, details: Details) -> str:
+        self._say(words_for(request, details))
         return self._bench.operator.request(request, details)
 
     def _move_stage(self, position_um: float) -> str:
-        words = f"Z stage to {position_um:g} um"
         if self._bench.stage is None:
-            return self._ask(
-                f"{words}: turn the micrometer.", "turn_micrometer", {"position_um": position_um}
-            )
-        self._say(words)
+            return self._ask("turn_micrometer", {"position_um": position_um})
+        self._say(f"Z stage to {position_um:g} um")
         self._bench.stage.move_to_um(position_um)
         return f"stage at {position_um:g} um"
 
@@ -96,16 +105,11 @@ class Preparations:
         prepared.mass_g = mass_g
         balance = self._bench.balance
         if balance is not None and mass_g > 0:
-            self._ask(
-                f"Put the weight of {mass_g:g} g on the balance.", "place_on_balance", {"mass_g": mass_g}
-            )
+            self._ask("place_on_balance", {"mass_g": mass_g})
             prepared.mass_g = balance.weigh_g()
-            self._ask("Take it off the balance.", "place_on_balance", {"mass_g": 0.0})
+            self._ask("place_on_balance", {"mass_g": 0.0})
             prepared.words.append(f"the weight of {mass_g:g} g weighs {prepared.mass_g:.4f} g")
-        words = (
-            f"Hang {mass_g:g} g from the arm by a rubber band." if mass_g else "Take all weights off the arm."
-        )
-        prepared.words.append(self._ask(words, "hang_weight", {"mass_g": mass_g}))
+        prepared.words.append(self._ask("hang_weight", {"mass_g": mass_g}))
 
     def _rest(self, step: Rest) -> None:
         self._enter(State.RESTING)

@@ -19,7 +19,7 @@ _ATTEMPT = re.compile(r"(?P<name>.+?)(?:_again(?P<number>\d+))?$")
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """What a folder says of a run: tasks still to do, how many are done, and whether any indentation was made."""
+    """What a folder says of a run: the tasks still to do, how many are done, whether any were begun."""
 
     tasks: tuple[Task, ...]
     n_done: int
@@ -87,7 +87,7 @@ def _again(trial: PlannedTrial, number: int) -> PlannedTrial:
     """Return the trial at a site not pressed before."""
     site = f"{trial.specimen.site}-{number}"
     preparations: Sequence[Preparation] = [
-        replace(step, details={**step.details, "site": site}, words=f"{step.words} (again: site {site})")
+        replace(step, details={**step.details, "site": site})
         if isinstance(step, Ask) and step.request == "place_finger"
         else step
         for step in trial.preparations

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from analysis.recordings.trial import ProtocolSummary, Specimen
 from rig.protocol_file import ForceCalibration, PositionCalibration, SurfaceDetection
 from rig.protocols.indenting import AWAY_MM_S, NEAR_MM, clear_air, detection, place_block
@@ -37,7 +39,7 @@ def position_trials(calibration: PositionCalibration, toml: str) -> tuple[Planne
     summary = ProtocolSummary(approach_speed_mm_s=towards.speed_mm_s, retract_speed_mm_s=AWAY_MM_S, toml=toml)
     for height_um in stage_heights_um(calibration):
         for repeat in range(1, calibration.repeats + 1):
-            before: tuple[Preparation, ...] = (MoveStage(height_um),) if repeat == 1 else ()
+            before = (MoveStage(height_um), place_block(first=False))
             trials.append(
                 PlannedTrial(
                     f"stage_{height_um:04.0f}um_r{repeat}",
@@ -77,15 +79,11 @@ def force_trials(calibration: ForceCalibration, toml: str) -> tuple[PlannedTrial
     upright = PlannedTrial(
         "upright", "force_calibration", (clear_air(),), (settle, rest), Specimen(), summary
     )
-    invert = Ask(
-        "invert_arm", {"inverted": True}, "Invert the arm, so that weights can hang from its tip.", _INVERT_S
-    )
+    invert = Ask("invert_arm", {"inverted": True}, _INVERT_S)
     trials = [upright]
     for repeat in range(1, calibration.repeats + 1):
         for mass_g in calibration.masses_g:
-            before: tuple[Preparation, ...] = (WeighMass(mass_g),)
-            if len(trials) == 1:
-                before = (invert, *before)
+            before = (invert if len(trials) == 1 else replace(invert, expected_s=0.0), WeighMass(mass_g))
             name = f"weight_{len(trials):02d}_{mass_g:g}g_r{repeat}"
             specimen = Specimen(repeat=repeat, site=f"{mass_g:g} g")
             trials.append(PlannedTrial(name, "force_calibration", before, (settle, rest), specimen, summary))
@@ -95,6 +93,6 @@ def force_trials(calibration: ForceCalibration, toml: str) -> tuple[PlannedTrial
 def upright_again() -> tuple[Preparation, ...]:
     """Return what puts the bench back after a force calibration."""
     return (
-        Ask("hang_weight", {"mass_g": 0.0}, "Take the weight off.", 2.0),
-        Ask("invert_arm", {"inverted": False}, "Turn the arm upright again.", _INVERT_S),
+        WeighMass(0.0),
+        Ask("invert_arm", {"inverted": False}, _INVERT_S),
     )

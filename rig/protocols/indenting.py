@@ -23,21 +23,19 @@ _HAND_S = 10.0
 def place_finger(finger: str, site: str, repeat: int, surface_position_mm: float | None) -> Ask:
     """Ask for a finger at a place not yet pressed, where given at a height that meets the arm there."""
     details: dict[str, str | float | int | bool] = {"finger": finger, "site": site, "repeat": repeat}
-    words = f"Place the {finger} finger, site {site}: a place not pressed before."
     if surface_position_mm is not None:
         details["surface_mm"] = surface_position_mm
-        words += f" Set its height so that the skin lies at {surface_position_mm:g} mm of the lever's travel."
-    return Ask("place_finger", details, words, _HAND_S)
+    return Ask("place_finger", details, _HAND_S)
 
 
-def place_block() -> Ask:
-    """Ask for the stiff block in place of the finger."""
-    return Ask("place_block", {}, "Take the finger away and place the stiff block below the punch.", _HAND_S)
+def place_block(*, first: bool = True) -> Ask:
+    """Ask for the stiff block in place of the finger; `first` is where it is expected to take time."""
+    return Ask("place_block", {}, _HAND_S if first else 0.0)
 
 
-def clear_air() -> Ask:
+def clear_air(*, first: bool = True) -> Ask:
     """Ask for nothing at all below the arm."""
-    return Ask("clear_air", {}, "Take everything away from below the arm.", _HAND_S)
+    return Ask("clear_air", {}, _HAND_S if first else 0.0)
 
 
 def approach(surface: SurfaceDetection, *, speed_mm_s: float | None = None) -> Approach:

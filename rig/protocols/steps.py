@@ -10,11 +10,10 @@ from analysis.recordings.trial import Kind, ProtocolSummary, Specimen
 
 @dataclass(frozen=True, slots=True)
 class Ask:
-    """A hand is needed: `request` names what (place_finger, hang_weight, ...), `words` say it to a person."""
+    """A hand is needed: `request` names for what (place_finger, place_block, ...)."""
 
     request: str
     details: Mapping[str, str | float | int | bool]
-    words: str
     expected_s: float = 0.0
 
 

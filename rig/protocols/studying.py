@@ -92,10 +92,10 @@ def study_trials(study: Study, punch_diameter_mm: float, toml: str) -> tuple[Pla
 
 
 def _on_block(study: Study, specimen: Specimen, toml: str) -> list[PlannedTrial]:
-    """Return the indentations of the block, one a depth; the first asks for it."""
+    """Return the indentations of the block, one a depth."""
     trials = []
     for i, depth_mm in enumerate(study.study.rigid_target_depths_mm):
-        before: tuple[Preparation, ...] = (place_block(),) if i == 0 else ()
+        before = (place_block(first=i == 0),)
         name = f"rigid_target_{i + 1:02d}_{1e3 * depth_mm:g}um"
         trials.append(
             indentation(

@@ -21,7 +21,8 @@ def air_sweeps(
     """Return one sweep a speed, from `from_mm` to `to_mm` and back, in lever coordinates."""
     trials = []
     for i, speed_mm_s in enumerate(speeds_mm_s):
-        before: tuple[Preparation, ...] = (clear_air(),) if i == 0 else (Rest(rest_s),) if rest_s else ()
+        cleared = clear_air(first=i == 0)
+        before: tuple[Preparation, ...] = (cleared, Rest(rest_s)) if i and rest_s else (cleared,)
         name = f"air_sweep_{i + 1:02d}_{speed_mm_s:g}mm_s"
         summary = ProtocolSummary(ramp_speed_mm_s=speed_mm_s, toml=toml)
         sweep = Sweep(from_mm, to_mm, speed_mm_s)

@@ -130,6 +130,17 @@ class Card:
         if self._channel is not None:
             self._channel.close()
 
+    def connect(self, timeout_s: float = 10.0) -> None:
+        """Make the connection now, so that the next call does not wait for it."""
+        if self._channel is not None:
+            try:
+                grpc.channel_ready_future(self._channel).result(timeout_s)
+            except grpc.FutureTimeoutError:
+                raise CardMissingError(
+                    f"{self.where}: the card's server does not answer; start it and check card.address in "
+                    "rig.toml"
+                ) from None
+
     def open_input(
         self, channels: Sequence[str], *, rate_hz: float, range_v: float, buffer_samples: int
     ) -> CardInput:

@@ -80,6 +80,10 @@ class RetreatFailedError(HardwareError):
     """The arm could not be moved to the safe position; lift it by hand."""
 
 
+class GuardError(HardwareError):
+    """The guard process did not start, or is gone."""
+
+
 class SerialDeviceError(HardwareError):
     """The stage or the balance did not answer, or answered something else."""
 

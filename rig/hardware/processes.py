@@ -2,20 +2,31 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
+from collections.abc import Sequence
 from typing import TypedDict
 
 
-class SessionOptions(TypedDict, total=False):
+class StartOptions(TypedDict, total=False):
     """Options of subprocess.Popen that differ between systems."""
 
     start_new_session: bool
     creationflags: int
+    pass_fds: Sequence[int]
+    close_fds: bool
 
 
-def own_session() -> SessionOptions:
-    """Options for a process outside the terminal's group: what is typed there goes to the program alone."""
+def own_session(hold_open: Sequence[int] = ()) -> StartOptions:
+    """Options for a process outside the terminal's group: what is typed there goes to the program alone.
+
+    ``hold_open``: file descriptors that the process is to hold open as well.
+    """
     if sys.platform == "win32":
-        return {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
-    return {"start_new_session": True}
+        import msvcrt
+
+        for fd in hold_open:
+            os.set_handle_inheritable(msvcrt.get_osfhandle(fd), True)
+        return {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP, "close_fds": not hold_open}
+    return {"start_new_session": True, "pass_fds": tuple(hold_open)}

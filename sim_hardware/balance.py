@@ -46,7 +46,7 @@ class Balance:
         if gross_g > CAPACITY_G:
             return "S +"
         shown_g = gross_g + float(self._noise.normal(0.0, NOISE_G)) - self._zero_g
-        return f"S {stability} {shown_g:10.4f} g"
+        return f"S {stability} {shown_g:11.4f} g"
 
     def _settle(self) -> None:
         """Wait until the load has been still long enough."""

@@ -1,6 +1,7 @@
 """All that the bench offers, put together from its settings: card, stage, balance, control."""
 
 import sys
+from concurrent.futures import ThreadPoolExecutor
 
 from sim_hardware.balance import Balance
 from sim_hardware.card import Card
@@ -57,8 +58,10 @@ class Services:
 
     def close(self) -> None:
         """Stop serving."""
-        for server in (*self._lines.values(), self._control):
-            server.shutdown()
+        servers = [*self._lines.values(), self._control]
+        with ThreadPoolExecutor(len(servers)) as pool:
+            list(pool.map(lambda server: server.shutdown(), servers))
+        for server in servers:
             server.server_close()
         self._daq.stop(grace=0.2).wait()
         self.card.close()

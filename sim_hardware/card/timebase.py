@@ -99,14 +99,17 @@ class Timebase:
     def _advance(self, n: int) -> None:
         """Let n samples pass."""
         while n > 0:
-            block = min(n, LARGEST_BLOCK)
-            while self._orders:
-                ahead = math.ceil((self._orders[0][0] - self.plant.time_s) * SAMPLE_RATE_HZ - 1e-6)
-                if ahead > 0:
-                    block = min(block, ahead)
-                    break
-                heapq.heappop(self._orders)[2]()
-            n -= self._step(block)
+            n -= self._step(int(min(n, LARGEST_BLOCK, self._n_to_order())))
+        self._n_to_order()
+
+    def _n_to_order(self) -> float:
+        """Carry out the orders that are due; samples until the next one, infinity where there is none."""
+        while self._orders:
+            ahead = math.ceil((self._orders[0][0] - self.plant.time_s) * SAMPLE_RATE_HZ - 1e-6)
+            if ahead > 0:
+                return ahead
+            heapq.heappop(self._orders)[2]()
+        return math.inf
 
     def _step(self, block: int) -> int:
         """Let at most `block` samples pass under unchanged tasks; how many did."""
@@ -188,7 +191,8 @@ class Timebase:
                 if self.clock.virtual:
                     if left == 0 or (missing is None and math.isinf(left)):
                         return False
-                    step = int(min(left, missing or LARGEST_BLOCK))
+                    # not beyond an order: it may change what is waited for
+                    step = int(min(left, missing or LARGEST_BLOCK, self._n_to_order()))
                     self._advance(step)
                     left -= step
                     continue

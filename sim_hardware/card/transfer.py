@@ -54,7 +54,7 @@ def read(card: Card, task: CardTask, n: int, timeout_s: float) -> FloatArray:
                 filled += taken
             if filled == n:
                 return 0
-            return None if task.first_sample is None else min(n - filled, ring.size)
+            return None if task.first_sample is None else min(n - filled, max(1, ring.size // 2))
 
         if not card.wait(n_missing, timeout_s):
             raise ShortReadError(out[:, :filled], task.name)

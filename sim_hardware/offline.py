@@ -178,7 +178,7 @@ def record_trial(
         world.rest(plan.rest_s)
     _place(world, plan)
     sweep = plan.kind == "air_sweep"
-    random = np.random.default_rng([world.settings.seed, 6, round(world.time_s * SAMPLE_RATE_HZ)])
+    random = np.random.default_rng([world.settings.seed, 6, world.trial])
     short_mm = plan.short_mm * float(random.uniform(0.8, 1.2))
     start_mm = plan.sweep_mm[0] if sweep else world.specimen.surface_mm - short_mm
     recorder.play(recorder.path(start_mm, _FAST_MM_S))

@@ -25,12 +25,15 @@ class Arm:
 
 @dataclass(frozen=True, slots=True)
 class Memory:
-    """A slow arm of the tissue that neighbouring sites share: it is not fresh when the site changes.
+    """What the tissue has not forgotten: fluid that was pressed out fast and flows back slowly.
 
-    ``neighbour`` is the share of its load that a new site feels.
+    While the punch presses, a part y of the depression sets with ``setting_s``; it recovers with ``time_s``.
+    The next contact, also at a neighbouring site, starts with a load of -``mn_per_mm`` * y that goes on
+    recovering with ``time_s``; a neighbouring site feels the share ``neighbour``.
     """
 
-    stiffness_mn_per_mm: float
+    mn_per_mm: float
+    setting_s: float
     time_s: float
     neighbour: float
 
@@ -47,9 +50,10 @@ class Parts:
         compliance_mm_per_mn: spring between motor and tip.
         creep_compliance_mm_per_mn, creep_time_s: a spring beside a dashpot in series with the tip.
         slack_mm, slack_force_mn: play of the mount, taken up by F / (F + slack_force).
-        k0_mn_per_mm, arms, memory: the tissue's spring, its Maxwell arms, its slow memory.
+        k0_mn_per_mm, arms, memory: the tissue's spring, its Maxwell arms, its slow memory (None: none).
         dashpot_mn_s_per_mm: dashpot beside them.
-        fung_per_mm: b of the elongation e(d) = (exp(2 b d) - 1) / (2 b) = d (1 + b d + ...).
+        stiffening_per_mm, stiffening_growth: b and g of the elongation that drives spring and arms,
+            e(d) = d + b d^2 + g (2/3 b^2 d^3 + 1/3 b^3 d^4); with g = 1 the start of an exponential.
         pull_off_mn, peel_mm, peel_mn_s_per_mm: what the skin clings with, over which opening the bond
             peels (0 = it snaps at once), and the viscosity of the peeling front.
         support_mass_g, support_mn_per_mm, support_damping_ratio: what the specimen lies on (0 g = rigid).
@@ -65,9 +69,10 @@ class Parts:
     slack_force_mn: float = 1.0
     k0_mn_per_mm: float = 120.0
     arms: tuple[Arm, ...] = ()
-    memory: tuple[Memory, ...] = ()
+    memory: Memory | None = None
     dashpot_mn_s_per_mm: float = 0.0
-    fung_per_mm: float = 0.0
+    stiffening_per_mm: float = 0.0
+    stiffening_growth: float = 0.0
     pull_off_mn: float = 0.0
     peel_mm: float = 0.0
     peel_mn_s_per_mm: float = 0.0
@@ -86,7 +91,7 @@ class Block:
     Attributes:
         time_s: bench time, (n,).
         trial_time_s: time since the trial began, negative before, (n,).
-        in_trial_fine_s: length of a fine step, s.
+        step_s, substeps: length of a fine step, s, and how many make a sample.
         skin: True where the specimen is a finger.
         command_mm: where the motor was told to be, (n,).
         fine_position_mm, fine_velocity_mm_s, fine_acceleration_mm_s2: the motor.
@@ -107,6 +112,12 @@ class Block:
     fine_tip_mm: FloatArray = field(default_factory=lambda: np.empty(0))
     fine_gap_mm: FloatArray = field(default_factory=lambda: np.empty(0))
     fine_force_mn: FloatArray = field(default_factory=lambda: np.empty(0))
+
+    @property
+    def fine_trial_time_s(self) -> FloatArray:
+        """Time since the trial began at the fine steps, (n * m,), s."""
+        within = np.arange(1 - self.substeps, 1) * self.step_s
+        return (self.trial_time_s[:, None] + within).ravel()
 
     @property
     def position_mm(self) -> FloatArray:

@@ -14,6 +14,10 @@ from sim_hardware.parts import Block, FloatArray, Parts
 
 Stage = Literal["lever", "contact", "tissue", "specimen", "sensor"]
 
+IN_CONTACT = ("dwell", "ramp", "hold", "retract")
+IN_MOTION = ("approach", "ramp", "retract", "sweep")
+ALWAYS = ("approach", "dwell", "ramp", "hold", "retract", "clear", "sweep")
+
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
@@ -80,11 +84,19 @@ class Effect:
     def begin_trial(self, trial: int) -> None:
         """Draw what differs from trial to trial; ``trial`` counts from 0."""
 
+    def drawn(self) -> dict[str, float]:
+        """Return what was drawn for the present trial, by name with unit; for tests and scoring."""
+        return {}
+
+    def drive_mm(self, block: Block) -> FloatArray:
+        """What adds to the command on its way to the motor, (n,), mm."""
+        return np.zeros_like(block.time_s)
+
     def tip(self, block: Block) -> None:
         """Change ``fine_tip_mm``: how the punch follows the motor without load."""
 
     def surface_mm(self, block: Block) -> FloatArray:
-        """Displacement of the specimen's surface away from the lever, (n,), mm."""
+        """Displacement of the specimen's surface towards the lever, (n,), mm."""
         return np.zeros_like(block.time_s)
 
     def touch(self, block: Block) -> None:

@@ -64,7 +64,7 @@ class World:
         )
         self._hook = {
             name: sorted((e for e in self.effects if overrides(e, name)), key=lambda e: e.order)
-            for name in ("tip", "surface_mm", "touch", "sense_fine", "sense", "digitise", "rest")
+            for name in ("drive_mm", "tip", "surface_mm", "touch", "sense_fine", "sense", "digitise", "rest")
         }
         self._substeps = settings.substeps
         self._step_s = 1.0 / (SAMPLE_RATE_HZ * self._substeps)
@@ -74,7 +74,7 @@ class World:
         self._trial = -1
         self._trial_start: int | None = None
         self._command_v = settings.initial_command_v
-        self._memory: dict[str, tuple[FloatArray, int]] = {}
+        self._memory: dict[str, tuple[float, int]] = {}
         self._specimen = specimens.nothing(settings)
         parts = self._fitted(self._specimen)
         self._servo = Servo(parts, self._step_s, self._substeps, float(self._command_mm(self._command_v)))
@@ -159,8 +159,7 @@ class World:
     def truth(self) -> dict[str, object]:
         """Return what was drawn and what is under the arm, for tests and scoring only."""
         parts = asdict(self._specimen.parts)
-        parts["arms"] = [asdict(a) for a in self._specimen.parts.arms]
-        parts["memory"] = [asdict(m) for m in self._specimen.parts.memory]
+        del parts["memory"]
         return {
             **asdict(self.constants),
             "arm_mass_g": self.settings.lever.arm_mass_g,
@@ -171,8 +170,10 @@ class World:
             "specimen": self._specimen.label,
             "surface_mm": self._specimen.surface_mm,
             "tissue": parts,
-            "effects": [{"name": e.name, "rough": e.rough, **e.values} for e in self.effects],
-            "trial": self._trial,
+            "effects": [
+                {"name": e.name, "rough": e.rough, **e.values, "drawn": e.drawn()} for e in self.effects
+            ],
+            "trial": self.trial,
             "trial_start_s": -1.0 if self._trial_start is None else self._trial_start / SAMPLE_RATE_HZ,
         }
 
@@ -185,19 +186,24 @@ class World:
         """Put a specimen under the arm; fresh tissue but for what neighbouring sites have not forgotten."""
         parts = self._fitted(specimen)
         if self._specimen.finger:
-            self._memory[self._specimen.finger] = (self._contact.memory_mn, self._index)
-        load = None
+            self._memory[self._specimen.finger] = (self._contact.load_to_keep_mn, self._index)
+        load_mn = 0.0
         if parts.memory and specimen.finger in self._memory:
-            load, since = self._memory[specimen.finger]
+            load_mn, since = self._memory[specimen.finger]
             asleep_s = (self._index - since) / SAMPLE_RATE_HZ
-            load = load * [m.neighbour * math.exp(-asleep_s / m.time_s) for m in parts.memory]
+            load_mn *= parts.memory.neighbour * math.exp(-asleep_s / parts.memory.time_s)
         self._specimen = specimen
-        self._contact = Contact(parts, self._step_s, load)
+        self._contact = Contact(parts, self._step_s, load_mn)
         self._force_mn = 0.0
         self._servo.fit(parts)
         self._surface_before = self._surface_now()
         if new_trial:
             self._new_trial()
+
+    @property
+    def trial(self) -> int:
+        """Number of the present trial: a trial begins when something is placed."""
+        return self._trial
 
     @property
     def tip_mm(self) -> float:
@@ -247,7 +253,7 @@ class World:
         surface = np.full(len(block.time_s), self._specimen.surface_mm)
         if self._specimen.skin:
             for effect in self._hook["surface_mm"]:
-                surface += effect.surface_mm(block)
+                surface -= effect.surface_mm(block)
         return surface
 
     def _surface_now(self) -> float:
@@ -261,6 +267,8 @@ class World:
                 self._trial_start = self._index + int(moved[0])
         command_mm = self._command_mm(command_v)
         block = self._block(self._index, command_mm)
+        for effect in self._hook["drive_mm"]:
+            command_mm = command_mm + effect.drive_mm(block)
         motion = self._servo.advance(command_mm)
         block.fine_position_mm, block.fine_velocity_mm_s, block.fine_acceleration_mm_s2 = motion
         block.fine_tip_mm = block.fine_position_mm

@@ -17,10 +17,11 @@ from numba import njit
 from sim_hardware.parts import FloatArray, Parts
 
 # layout of the constants c
-K0, FUNG, COMPLIANCE, CREEP, CREEP_TIME, SLACK, SLACK_FORCE, DASHPOT = range(8)
-PULL_OFF, PEEL, PEEL_RATE, SUPPORT_MASS, SUPPORT, SUPPORT_DAMPING, STEP = range(8, 15)
+K0, STIFFENING, COMPLIANCE, CREEP, CREEP_TIME, SLACK, SLACK_FORCE, DASHPOT = range(8)
+PULL_OFF, PEEL, PEEL_RATE, SUPPORT_MASS, SUPPORT, SUPPORT_DAMPING = range(8, 14)
+CUBIC, QUARTIC, SETTING_TIME, RECOVERY_TIME, STEP = range(14, 19)
 # layout of the state
-DEPRESSION, ELONGATION, CREPT, BONDED, OPENING, SUPPORT_SHIFT, SUPPORT_SPEED, FORCE, TOUCHING = range(9)
+DEPRESSION, ELONGATION, CREPT, BONDED, OPENING, SUPPORT_SHIFT, SUPPORT_SPEED, FORCE, TOUCHING, SET = range(10)
 # rows of the arms: stiffness, time, exp(-h / tau), k (tau / h) (1 - exp(-h / tau)), force
 STIFFNESS, TIME, DECAY, GAIN, LOAD = range(5)
 # what one step knows of F(d) = fixed + gain e(d) + dash (d - old)
@@ -31,17 +32,18 @@ _TRIES = 60
 
 
 @njit(cache=True)
-def _elongation(d: float, b: float) -> float:
-    """Return e(d) = (exp(2 b d) - 1) / (2 b), or d for b = 0."""
-    return d if b == 0.0 else math.expm1(2 * b * d) / (2 * b)
+def _elongation(d: float, c: FloatArray) -> tuple[float, float]:
+    """Return e(d) = d + b d^2 + cubic d^3 + quartic d^4 and its slope."""
+    e = d * (1 + d * (c[STIFFENING] + d * (c[CUBIC] + d * c[QUARTIC])))
+    return e, 1 + d * (2 * c[STIFFENING] + d * (3 * c[CUBIC] + d * 4 * c[QUARTIC]))
 
 
 @njit(cache=True)
-def _force(d: float, b: float, step: FloatArray) -> tuple[float, float]:
+def _force(d: float, c: FloatArray, step: FloatArray) -> tuple[float, float]:
     """Return F(d) and its slope."""
-    slope = step[TOTAL_GAIN] if b == 0.0 else step[TOTAL_GAIN] * math.exp(2 * b * d)
-    force = step[FIXED] + step[TOTAL_GAIN] * _elongation(d, b) + step[DASH] * (d - step[OLD])
-    return force, slope + step[DASH]
+    e, slope = _elongation(d, c)
+    force = step[FIXED] + step[TOTAL_GAIN] * e + step[DASH] * (d - step[OLD])
+    return force, step[TOTAL_GAIN] * slope + step[DASH]
 
 
 @njit(cache=True)
@@ -62,22 +64,25 @@ def _give_way(c: FloatArray, state: FloatArray) -> None:
 
 
 @njit(cache=True)
-def _pressed(w: float, c: FloatArray, step: FloatArray) -> tuple[float, float]:
-    """Return d and F of a punch that presses: d + give(F(d)) = w, give = C F + slack F / (F + F_s)."""
-    b, C, slack, slack_force = c[FUNG], c[COMPLIANCE], c[SLACK], c[SLACK_FORCE]
-    if b == 0.0 and slack == 0.0:
+def _pressed(w: float, c: FloatArray, step: FloatArray, free: float) -> tuple[float, float]:
+    """Return d and F of a punch that presses: d + give(F(d)) = w, give = C F + slack F / (F + F_s).
+
+    ``free`` is where F = 0, from where the search starts.
+    """
+    C, slack, slack_force = c[COMPLIANCE], c[SLACK], c[SLACK_FORCE]
+    if c[STIFFENING] == 0.0 and slack == 0.0:
         d = (w - C * (step[FIXED] - step[DASH] * step[OLD])) / (1 + C * (step[TOTAL_GAIN] + step[DASH]))
-        return d, _force(d, b, step)[0]
-    d = min(step[OLD], w)
+        return d, _force(d, c, step)[0]
+    d = free
     for _ in range(_TRIES):
-        force, slope = _force(d, b, step)
+        force, slope = _force(d, c, step)
         taut = max(force, 0.0) + slack_force
         off = d + C * force + slack * force / taut - w
         move = -off / (1 + (C + slack * slack_force / taut**2) * slope)
         d += min(max(move, -0.05), 0.05)
         if abs(move) < _CLOSE_MM:
             break
-    return d, _force(d, b, step)[0]
+    return d, _force(d, c, step)[0]
 
 
 @njit(cache=True)
@@ -90,7 +95,7 @@ def _peeling(w: float, c: FloatArray, step: FloatArray, state: FloatArray) -> tu
     rate = c[PEEL_RATE] / c[STEP]
     d = float(step[OLD])
     for _ in range(_TRIES):
-        force, slope = _force(d, c[FUNG], step)
+        force, slope = _force(d, c, step)
         opening = d + C * force - w
         part = max(opening, -a) / a
         grip = c[PULL_OFF] * math.exp(1 - part)
@@ -99,16 +104,18 @@ def _peeling(w: float, c: FloatArray, step: FloatArray, state: FloatArray) -> tu
         d += min(max(move, -0.01), 0.01)
         if abs(move) < _CLOSE_MM:
             break
-    force, _ = _force(d, c[FUNG], step)
+    force, _ = _force(d, c, step)
     return d, force, d + C * force - w
 
 
 @njit(cache=True)
-def _free(b: float, step: FloatArray) -> float:
+def _free(c: FloatArray, step: FloatArray) -> float:
     """Return d of a surface that nothing touches: F(d) = 0."""
     d = float(step[OLD])
+    if c[STIFFENING] == 0.0:
+        return d - _force(d, c, step)[0] / (step[TOTAL_GAIN] + step[DASH])
     for _ in range(_TRIES):
-        force, slope = _force(d, b, step)
+        force, slope = _force(d, c, step)
         move = -force / slope
         d += move
         if abs(move) < _CLOSE_MM:
@@ -133,21 +140,28 @@ def contact_step(
         step[TOTAL_GAIN] += arms[GAIN, i]
     step[DASH], step[OLD] = c[DASHPOT] / c[STEP], state[DEPRESSION]
 
-    d, force = _pressed(w, c, step)
-    opening = 0.0
-    touching = force > 0.0
-    if not touching and state[BONDED] > 0.0 and c[PULL_OFF] > 0.0:
+    free = _free(c, step)
+    d, force, opening = free, 0.0, 0.0
+    touching = w > free
+    if touching:
+        d, force = _pressed(w, c, step, free)
+    elif state[BONDED] > 0.0 and c[PULL_OFF] > 0.0:
         if c[PEEL] == 0.0:  # textbook: rigid until it snaps
+            d, force = _pressed(w, c, step, free)
             touching = force >= -c[PULL_OFF]
         else:
             d, force, opening = _peeling(w, c, step, state)
             touching = opening < 9 * c[PEEL]
-    if not touching:
-        d, force, opening = _free(c[FUNG], step), 0.0, 0.0
+        if not touching:
+            d, force, opening = free, 0.0, 0.0
 
-    e = _elongation(d, c[FUNG])
+    e, _ = _elongation(d, c)
     for i in range(arms.shape[1]):
         arms[LOAD, i] = arms[DECAY, i] * arms[LOAD, i] + arms[GAIN, i] * (e - e_old)
+    if c[SETTING_TIME] > 0.0:
+        pressed = d if touching else 0.0
+        keep = math.exp(-c[STEP] / (c[SETTING_TIME] if pressed > state[SET] else c[RECOVERY_TIME]))
+        state[SET] = pressed + (state[SET] - pressed) * keep
     state[DEPRESSION], state[ELONGATION], state[FORCE] = d, e, force
     state[BONDED] = state[TOUCHING] = 1.0 if touching else 0.0
     state[OPENING] = max(opening, 0.0)
@@ -196,24 +210,26 @@ def contact_rest(
 class Contact:
     """The contact's constants and state for one specimen at one site."""
 
-    def __init__(self, parts: Parts, step_s: float, load_mn: FloatArray | None = None) -> None:
+    def __init__(self, parts: Parts, step_s: float, load_mn: float = 0.0) -> None:
         arms = [(a.stiffness_mn_per_mm, a.time_s) for a in parts.arms]
-        arms += [(m.stiffness_mn_per_mm, m.time_s) for m in parts.memory]
-        self._n_memory = len(parts.memory)
+        self._memory = parts.memory
+        if parts.memory:  # an arm without a spring: it only carries what is left of an old load
+            arms.append((0.0, parts.memory.time_s))
         self._arms = np.zeros((5, len(arms)))
         self._arms[[STIFFNESS, TIME]] = np.array(arms, dtype=np.float64).reshape(-1, 2).T
         ratio = step_s / self._arms[TIME]
         self._arms[DECAY] = np.exp(-ratio)
         self._arms[GAIN] = -self._arms[STIFFNESS] * np.expm1(-ratio) / ratio
-        if load_mn is not None and self._n_memory:
-            self._arms[LOAD, -self._n_memory :] = load_mn
-        self._state = np.zeros(9)
+        if parts.memory:
+            self._arms[LOAD, -1] = load_mn
+        self._state = np.zeros(10)
+        b, growth = parts.stiffening_per_mm, parts.stiffening_growth
         support = parts.support_mn_per_mm
         mass = parts.support_mass_g * 1e-3  # 1 g = 1e-3 mN s2 / mm
         self._constants = np.array(
             [
                 parts.k0_mn_per_mm,
-                parts.fung_per_mm,
+                b,
                 parts.compliance_mm_per_mn,
                 parts.creep_compliance_mm_per_mn,
                 parts.creep_time_s,
@@ -226,6 +242,10 @@ class Contact:
                 mass,
                 support,
                 2 * parts.support_damping_ratio * math.sqrt(support * mass),
+                growth * 2 / 3 * b**2,
+                growth / 3 * b**3,
+                parts.memory.setting_s if parts.memory else 0.0,
+                parts.memory.time_s if parts.memory else 1.0,
                 step_s,
             ]
         )
@@ -260,6 +280,8 @@ class Contact:
         return float(c[COMPLIANCE] * force + self._state[CREPT] + slack)
 
     @property
-    def memory_mn(self) -> FloatArray:
-        """Load of the slow arms that neighbouring sites share, mN."""
-        return self._arms[LOAD, self._arms.shape[1] - self._n_memory :].copy()
+    def load_to_keep_mn(self) -> float:
+        """Load that the tissue keeps when the punch goes elsewhere, mN: the old one and this contact's."""
+        if self._memory is None:
+            return 0.0
+        return float(self._arms[LOAD, -1] - self._memory.mn_per_mm * self._state[SET])

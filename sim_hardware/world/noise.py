@@ -5,21 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from sim_hardware.filters import one_pole
 from sim_hardware.parts import SAMPLE_RATE_HZ, FloatArray
 from sim_hardware.settings import NoiseSettings
-
-
-@njit(cache=True)
-def one_pole(keep: float, drive: FloatArray, before: float) -> FloatArray:
-    """Return y with y_i = keep y_(i-1) + drive_i, starting from ``before``."""
-    out = np.empty_like(drive)
-    y = before
-    for i in range(drive.shape[0]):
-        y = keep * y + drive[i]
-        out[i] = y
-    return out
 
 
 class _Wander:

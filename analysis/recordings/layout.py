@@ -9,12 +9,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from datetime import datetime
 from typing import Any, get_args
 
 from analysis.recordings.trial import FINGERS, Kind, Source, Status
 
 FORMAT = "indenter-trial"
 FORMAT_VERSION = 1
+
+_LARGEST = 1e9  # beyond it, in whatever unit, a value is damage: later arithmetic need not guard itself
 
 Value = str | float | int | None
 Check = Callable[[Any], str | None]
@@ -54,23 +57,33 @@ def one_of(allowed: Iterable[Any]) -> Check:
 
 
 def finite(value: float) -> str | None:
-    """Check that a number is finite."""
-    return None if math.isfinite(value) else "must be a finite number"
+    """Check that a number is finite and of a size that can be calculated with."""
+    return None if abs(value) <= _LARGEST else "must be a finite number of sensible size"
 
 
 def slope(value: float) -> str | None:
     """Check that a calibration slope can be divided by."""
-    return None if math.isfinite(value) and abs(value) > 1e-12 else "must be finite and not zero"
+    sensible = 1 / _LARGEST <= abs(value) <= _LARGEST
+    return None if sensible else "must be a finite number of sensible size, and not zero"
 
 
 def positive(value: float) -> str | None:
     """Check that a number is finite and above zero."""
-    return None if math.isfinite(value) and value > 0 else "must be finite and above zero"
+    return None if 1 / _LARGEST <= value <= _LARGEST else "must be a finite number above zero"
 
 
 def not_negative(value: float) -> str | None:
     """Check that a number is finite and not below zero."""
-    return None if math.isfinite(value) and value >= 0 else "must be finite and not negative"
+    return None if 0 <= value <= _LARGEST else "must be a finite number, not negative"
+
+
+def moment(value: str) -> str | None:
+    """Check that a text is a date and time of ISO 8601."""
+    try:
+        datetime.fromisoformat(value)
+    except ValueError:
+        return "must be a date and time as 2026-01-31T12:00:00+01:00"
+    return None
 
 
 def filled(value: str) -> str | None:
@@ -95,7 +108,7 @@ ATTRIBUTES: tuple[Attribute, ...] = (
         "/", "format_version", int, "", "version of the layout", one_of([FORMAT_VERSION]), required=True
     ),
     Attribute("/", "trial_id", str, "", "UUID of the trial", filled, required=True),
-    Attribute("/", "started", str, "ISO 8601", "when the first sample was taken", filled, required=True),
+    Attribute("/", "started", str, "ISO 8601", "when the first sample was taken", moment, required=True),
     Attribute("/", "software", str, "", "program that made the file", default=""),
     Attribute("/", "software_version", str, "", "its version", default=""),
     Attribute("/", "status", str, "", "how the recording ended", one_of(get_args(Status)), required=True),

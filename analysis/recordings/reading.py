@@ -19,7 +19,10 @@ from analysis.recordings.layout import (
     Attribute,
     Value,
     attributes_of,
+    finite,
 )
+from analysis.recordings.probing import probe
+from analysis.recordings.sealing import seal_state
 from analysis.recordings.trial import (
     PHASE_NAMES,
     Calibration,
@@ -43,10 +46,24 @@ def read_trial(path: Path) -> Trial:
     """Read and check a trial file.
 
     A file whose status is ``running`` was cut off (or is still written): its unwritten tail is left
-    away and the status kept. Raises BadInputError, one line, on anything that is wrong.
+    away and the status kept. Raises BadInputError, one line, on anything that is wrong. A file of another
+    program carries no seal; it is read in a process of its own first, as HDF5 may crash on a damaged one.
     """
     path = Path(path)
-    with open_trial_file(path) as file:
+    _check_is_file(path)
+    state = seal_state(path)
+    if state == "broken":
+        raise BadInputError(
+            f"{path}: its contents do not agree with its checksum: it is damaged, copy it again"
+        )
+    if state == "absent":
+        probe(path)
+    return read_unchecked(path)
+
+
+def read_unchecked(path: Path) -> Trial:
+    """Read a trial file that the HDF5 library is known to survive."""
+    with _open(path) as file:
         with _access(path, "the file's structure"):
             root = _attributes(path, file, "/")
             signals = _group(path, file, "signals")
@@ -74,9 +91,8 @@ def read_trial(path: Path) -> Trial:
 
 
 @contextmanager
-def open_trial_file(path: Path) -> Iterator[Any]:
+def _open(path: Path) -> Iterator[Any]:
     """Open an HDF5 file for reading; BadInputError says what is wrong with one that can't be."""
-    _check_is_file(path)
     try:
         file = h5py.File(path, "r", locking="best-effort")
     except _HDF5_ERRORS as error:
@@ -261,7 +277,7 @@ def _signals(path: Path, group: Any, *, running: bool) -> tuple[FloatArray, Floa
     if len(arrays["position_v"]) == 0:
         raise _bad(path, "/signals", "hold no samples", "nothing was recorded; leave the file out")
     for name, array in arrays.items():
-        _check_finite(path, f"/signals/{name}", array)
+        _check_samples(path, f"/signals/{name}", array)
     return arrays["position_v"], arrays["force_v"], arrays.get("command_v")
 
 
@@ -291,18 +307,18 @@ def _written(array: FloatArray) -> int:
     return 0
 
 
-def _check_finite(path: Path, where: str, array: FloatArray) -> None:
-    # a sum is finite only if every term is, and needs no array of flags
-    if np.isfinite(np.dot(array, np.ones_like(array)) if len(array) < 64 else array.sum()):
+def _check_samples(path: Path, where: str, array: FloatArray) -> None:
+    """Check that every sample is finite and of a size that can be calculated with."""
+    # the extremes of an array with a NaN are NaN, so that no array of flags is needed for a good one
+    if len(array) == 0 or not (finite(float(array.min())) or finite(float(array.max()))):
         return
-    bad = np.flatnonzero(~np.isfinite(array))
-    if bad.size:
-        raise _bad(
-            path,
-            where,
-            f"is {array[bad[0]]} at sample {bad[0]} ({bad.size} such)",
-            "record it again, or cut the trial before it",
-        )
+    bad = np.flatnonzero([finite(float(value)) is not None for value in array])
+    raise _bad(
+        path,
+        where,
+        f"is {array[bad[0]]} at sample {bad[0]} ({bad.size} such)",
+        "record it again, or cut the trial before it",
+    )
 
 
 # tables
@@ -391,7 +407,7 @@ def _native(path: Path, file: Any) -> NativeSamples | None:
     if len({len(array) for array in arrays.values()}) != 1:
         raise _bad(path, "/import", "has columns of different length", "import the recording again")
     for name, array in arrays.items():
-        _check_finite(path, f"/import/{name}", array)
+        _check_samples(path, f"/import/{name}", array)
     if not np.all(np.diff(arrays["time_s"]) > 0):
         raise _bad(path, "/import/time_s", "does not rise", "import the recording again")
     return NativeSamples(**arrays)

@@ -200,7 +200,7 @@ class TrialWriter:
     def _create(self) -> None:
         """Make the file whole under another name, then give it its own: it never stands there half-made."""
         try:
-            with replacing(self.path, exclusive=True, durable=False) as part:
+            with replacing(self.path, exclusive=True, finished=False) as part:
                 offsets = self._structure(part)
         except FileExistsError as error:
             raise BadInputError(f"{self.path}: exists already: a trial never overwrites another") from error
@@ -215,7 +215,7 @@ class TrialWriter:
         if self._bytes is None:
             raise ValueError(f"{self.path}: the trial is finished already")
         self._capacity = capacity
-        with replacing(self.path, durable=False) as part:
+        with replacing(self.path, finished=False) as part:
             offsets = self._structure(part)
             with part.open("rb+", buffering=0) as file:
                 for name in self._names:

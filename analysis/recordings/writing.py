@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from analysis.errors import BadInputError
 from analysis.recordings.layout import FORMAT, FORMAT_VERSION, NATIVE_SIGNALS, Attribute, attributes_of
 from analysis.recordings.reading import read_trial
+from analysis.recordings.sealing import seal
 from analysis.recordings.trial import Event, Phase, Trial
 
 SOFTWARE = "indenter"
@@ -84,16 +85,17 @@ def mark_discarded(path: Path, reason: str) -> None:
 
 
 @contextmanager
-def replacing(path: Path, *, exclusive: bool = False, durable: bool = True) -> Iterator[Path]:
+def replacing(path: Path, *, exclusive: bool = False, finished: bool = True) -> Iterator[Path]:
     """Yield the name of a file to write beside `path`; on success it takes that place, whole.
 
-    `exclusive` raises FileExistsError where the place is taken. `durable` waits for the disk, so that the
-    file outlives a power cut and not only the process.
+    `exclusive` raises FileExistsError where the place is taken. `finished` files are sealed, and on the
+    disk before they take their place, so that they outlive a power cut and not only the process.
     """
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         yield part
-        if durable:
+        if finished:
+            seal(part)
             with part.open("rb+") as file:
                 os.fsync(file.fileno())
         if exclusive:

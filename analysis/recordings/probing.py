@@ -1,0 +1,114 @@
+"""A first look at an unsealed file, in a process of its own: the HDF5 library may crash on a damaged one.
+
+`python -m analysis.recordings.probing` is that process: a path a line comes in, "ok" or what is wrong goes
+out. It is started when the first unsealed file is read and lives as long as its parent.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import subprocess
+import sys
+import threading
+from functools import lru_cache
+from pathlib import Path
+
+from analysis.errors import BadInputError
+
+_START_S = 60.0
+_READ_S = 5.0
+_READ_S_PER_BYTE = 1e-7
+
+
+class Probe:
+    """A child process that reads a file as its parent would, and may die of it."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._child: subprocess.Popen[str] | None = None
+
+    def check(self, path: Path) -> None:
+        """Raise BadInputError where the file can't be read, whatever that does to the reading process."""
+        with self._lock:
+            child = self._child or self._start()
+            self._child = None  # kept only if it lives through this file
+            time_s = _READ_S + _READ_S_PER_BYTE * path.stat().st_size
+            answer = _asked(child, json.dumps(str(path)), time_s)
+            if answer is None:
+                raise BadInputError(
+                    f"{path}: the HDF5 library crashes or hangs on it: the file is damaged, copy it again"
+                )
+            self._child = child
+        problem = json.loads(answer)
+        if problem:
+            raise BadInputError(problem)
+
+    def _start(self) -> subprocess.Popen[str]:
+        child = subprocess.Popen(
+            [sys.executable, "-m", "analysis.recordings.probing"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+            encoding="utf-8",
+        )
+        if _asked(child, "null", _START_S) is None:
+            raise BadInputError("the process that checks trial files does not start: check the installation")
+        return child
+
+
+@lru_cache(maxsize=1)
+def _probe_of(process_id: int) -> Probe:
+    """One probe a process; a forked child must not talk through its parent's pipes."""
+    return Probe()
+
+
+def probe(path: Path) -> None:
+    """Raise BadInputError where an unsealed file can't be read, even where reading it would crash."""
+    _probe_of(os.getpid()).check(path)
+
+
+def _asked(child: subprocess.Popen[str], question: str, time_s: float) -> str | None:
+    """Return the child's answer, or None if it died of the question or took too long and was ended."""
+    assert child.stdin is not None
+    assert child.stdout is not None
+    timer = threading.Timer(time_s, child.kill)
+    timer.start()
+    try:
+        child.stdin.write(f"{question}\n")
+        child.stdin.flush()
+        answer = child.stdout.readline()
+    except BrokenPipeError:
+        answer = ""
+    finally:
+        timer.cancel()
+    if answer.endswith("\n"):
+        return answer
+    child.kill()
+    child.wait()
+    with contextlib.suppress(BrokenPipeError):
+        child.stdin.close()
+    child.stdout.close()
+    return None
+
+
+def _serve() -> None:
+    from analysis.recordings.reading import read_unchecked
+
+    for line in sys.stdin:
+        path = json.loads(line)
+        problem = ""
+        if path is not None:
+            try:
+                read_unchecked(Path(path))
+            except BadInputError as error:
+                problem = str(error)
+        sys.stdout.write(json.dumps(problem) + "\n")
+        sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    with contextlib.suppress(KeyboardInterrupt):
+        _serve()

@@ -35,5 +35,6 @@ class ServoHunting(Effect):
         """Return the hunting."""
         t = block.time_s
         turn = self["frequency_hz"] * (t + 0.03 * self.rate.integral(t))
-        triangle = np.asarray(4 * np.abs(turn - np.floor(turn) - 0.5) - 1)
-        return self["amplitude_um"] * 1e-3 * (1 + 0.3 * self.size(t)) * triangle
+        triangle = 4 * np.abs(turn - np.floor(turn) - 0.5) - 1
+        swell = 1 + 0.3 * self.size(t)
+        return np.asarray(self["amplitude_um"] * 1e-3 * swell * triangle)

@@ -113,7 +113,8 @@ def _free(c: FloatArray, step: FloatArray) -> float:
     """Return d of a surface that nothing touches: F(d) = 0."""
     d = float(step[OLD])
     if c[STIFFENING] == 0.0:
-        return d - _force(d, c, step)[0] / (step[TOTAL_GAIN] + step[DASH])
+        force, slope = _force(d, c, step)
+        return d - force / slope
     for _ in range(_TRIES):
         force, slope = _force(d, c, step)
         move = -force / slope

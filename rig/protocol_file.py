@@ -183,6 +183,7 @@ class ForceCalibration(_WithoutMotion):
     )
     repeats: Annotated[int, Field(ge=1, le=100)] = 2
     gravity_m_s2: Annotated[float, Field(gt=9.7, lt=9.9)] = 9.80665
+    level_within_deg: Annotated[float, Field(ge=0, le=20)] = 1.0
     average_s: Annotated[float, Field(gt=0, le=600)] = 1.0
     settle_s: Duration = 1.0
     valid_days: Positive = 30.0

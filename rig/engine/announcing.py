@@ -1,4 +1,4 @@
-"""Where a run says that it is there: one small JSON file a run, in the user's runtime folder."""
+"""Where a run says that it is there: one small JSON file a run, in a folder of the user's."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import json
 import os
 from dataclasses import asdict, dataclass
 from pathlib import Path
+
+from rig.errors import RigError
 
 ANNOUNCEMENT_VERSION = 1
 
@@ -24,24 +26,29 @@ class Announcement:
 
 
 def folder() -> Path:
-    """Return the folder of announcements, made where it is missing.
-
-    The environment's INDENTER_RUNTIME_DIR, where set, stands in place of the user's runtime folder.
-    """
+    """Return the folder of announcements: $INDENTER_RUNTIME_DIR, else one in the user's cache folder."""
     import platformdirs
 
     given = os.environ.get("INDENTER_RUNTIME_DIR")
-    path = Path(given) if given else platformdirs.user_runtime_path("indenter")
-    path.mkdir(parents=True, exist_ok=True)
-    return path
+    return Path(given) if given else platformdirs.user_cache_path("indenter") / "runs"
 
 
 def announce(announcement: Announcement) -> Path:
-    """Write the announcement, whole or not at all; return its file, to be removed when the run ends."""
+    """Write the announcement, whole or not at all; return its file, to be removed when the run ends.
+
+    Raises RigError where the folder can't be written.
+    """
     path = folder() / f"run-{announcement.pid}.json"
     part = path.with_suffix(".part")
-    part.write_text(json.dumps(asdict(announcement)), encoding="utf-8")
-    part.replace(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part.write_text(json.dumps(asdict(announcement)), encoding="utf-8")
+        part.replace(path)
+    except OSError as error:
+        raise RigError(
+            f"{path.parent}: the run can't be announced there ({error.strerror}): "
+            "set INDENTER_RUNTIME_DIR to a folder that can be written"
+        ) from error
     return path
 
 

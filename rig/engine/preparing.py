@@ -48,6 +48,7 @@ class Preparations:
         self._ended_s: float | None = None
         self._below: Ask | None = None
         self._stage_um: float | None = None
+        self._homed = False
 
     def do(self, steps: tuple[Preparation, ...]) -> Prepared:
         """Do the steps in order."""
@@ -96,6 +97,10 @@ class Preparations:
     def _move_stage(self, position_um: float) -> str:
         if self._bench.stage is None:
             return self._ask("turn_micrometer", {"position_um": position_um})
+        if not self._homed:
+            self._say("Z stage to its reference")
+            self._bench.stage.home()
+            self._homed = True
         self._say(f"Z stage to {position_um:g} um")
         self._bench.stage.move_to_um(position_um)
         return f"stage at {position_um:g} um"

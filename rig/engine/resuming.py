@@ -19,11 +19,10 @@ _ATTEMPT = re.compile(r"(?P<name>.+?)(?:_again(?P<number>\d+))?$")
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """What a folder says of a run: the tasks still to do, how many are done, whether any were begun."""
+    """What a folder says of a run: the tasks still to do, and how many are done."""
 
     tasks: tuple[Task, ...]
     n_done: int
-    begun: bool
 
 
 def standing(plan: Plan, toml: str, out: Path) -> Standing:
@@ -51,7 +50,7 @@ def standing(plan: Plan, toml: str, out: Path) -> Standing:
             tasks.append(Task(_again(trial, number), out / f"{trial.name}_again{number}.h5"))
         else:
             tasks.append(Task(trial, out / f"{trial.name}.h5"))
-    return Standing(tuple(tasks), n_done, bool(attempts))
+    return Standing(tuple(tasks), n_done)
 
 
 def keep_protocol(toml: str, out: Path) -> None:

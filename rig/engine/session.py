@@ -1,0 +1,58 @@
+"""Opening a bench: companion, guard, arm, the devices beside it; and closing them all."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+
+from analysis.recordings.trial import Calibration
+from rig.engine.bench import Bench
+from rig.hardware.balance import Balance
+from rig.hardware.clock import Clock, RemoteClock, SystemClock
+from rig.hardware.companion import Companion
+from rig.hardware.guard import Guard
+from rig.hardware.lever import Lever
+from rig.hardware.operator import ConsoleOperator, Operator, RemoteOperator
+from rig.hardware.remote import ControlService
+from rig.hardware.stage import Stage
+from rig.rig_file import RigFile, ServiceSettings
+
+
+@contextmanager
+def open_bench(rig: RigFile, calibration: Calibration) -> Iterator[Bench]:
+    """Open everything that a rig file names; on the way out the arm is at the safe position, all is closed.
+
+    Raises RigError where something does not answer.
+    """
+    with ExitStack() as stack:
+        companion = stack.enter_context(Companion(rig.companion)) if rig.companion else None
+
+        def resolve(address: str) -> str:
+            return address if companion is None else companion.resolve(address)
+
+        def service(settings: ServiceSettings) -> ControlService:
+            opened = ControlService(resolve(settings.address))
+            stack.callback(opened.close)
+            return opened
+
+        clock: Clock = RemoteClock(service(rig.clock)) if rig.clock else SystemClock()
+        hands: Operator = RemoteOperator(service(rig.operator)) if rig.operator else ConsoleOperator()
+        stage = balance = None
+        if rig.stage is not None:
+            stage = stack.enter_context(Stage(rig.stage, resolve(rig.stage.port), clock))
+        if rig.balance is not None:
+            balance = stack.enter_context(Balance(rig.balance, resolve(rig.balance.port)))
+        card_address = resolve(rig.card.address)
+        guard = None
+        if rig.guard.enabled:
+            held = [companion.stdin_fd] if companion is not None else []
+            guard = stack.enter_context(Guard(rig, card_address, calibration, held))
+        lever = stack.enter_context(Lever(rig, card_address, calibration, guard))
+        yield Bench(
+            lever=lever,
+            clock=clock,
+            operator=hands,
+            stage=stage,
+            balance=balance,
+            source="simulated" if rig.companion is not None else "nidaqmx",
+        )

@@ -1,0 +1,87 @@
+"""Runs a protocol or a study without a window: `indenter run`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib.resources import files
+from pathlib import Path
+
+from rich.console import Console
+
+from analysis.errors import BadInputError
+from rig.calibrations import calibration_for
+from rig.config import check_protocol_on_rig, load_protocol, load_rig
+from rig.engine.bench import Bench
+from rig.engine.feed import Feed
+from rig.engine.interrupts import Interrupts
+from rig.engine.resuming import keep_protocol, standing
+from rig.engine.runner import Recorded, Runner, Task
+from rig.engine.session import open_bench
+from rig.protocols.planning import plan_of
+from rig.protocols.steps import Plan
+from rig.rig_file import RigFile
+from rig.showing import TerminalProgress
+
+_EXAMPLES = files("rig.examples")
+SIMULATED_RIG = "simulated_rig.toml"
+
+
+def run_protocol_file(protocol: Path, *, rig: Path | None, out: Path) -> Path:
+    """Run a protocol, or go on with it where `out` holds its beginning; return the folder of its trials.
+
+    Raises BadInputError, before anything is written, where a file is wrong; Interrupted after a clean
+    stop; RigError where the run failed.
+    """
+    settings = load_rig_or_simulated(rig)
+    asked = load_protocol(protocol)
+    check_protocol_on_rig(asked, settings, str(protocol))
+    toml = protocol.read_text(encoding="utf-8")
+    plan = plan_of(asked, settings.punch.diameter_mm, toml)
+    left = standing(plan, toml, out)
+    console = Console(stderr=True)
+    if left.n_done:
+        console.print(
+            f"{out}: {left.n_done} of {len(plan.trials)} trials are done, going on", highlight=False
+        )
+    if left.tasks:
+        calibration = calibration_for(settings, rig, console)
+        keep_protocol(toml, out)
+        with open_bench(settings, calibration) as bench:
+            run_on_bench(bench, plan, left.tasks, out, console=console)
+    return out
+
+
+def run_on_bench(
+    bench: Bench, plan: Plan, tasks: Sequence[Task], out: Path, *, console: Console
+) -> list[Recorded]:
+    """Run tasks on an open bench, shown on the console and open to be followed by other processes."""
+    with Interrupts() as interrupts, TerminalProgress(console) as progress:
+
+        def heard(request: dict[str, object]) -> None:
+            if request.get("do") == "stop":
+                interrupts.request()
+
+        lever = bench.lever
+        with Feed(plan.title, out, lever.sample_rate_hz, lever.calibration, heard) as feed:
+            return Runner(bench, interrupts, [progress, feed]).run(plan, tasks, out)
+
+
+def load_rig_or_simulated(rig: Path | None) -> RigFile:
+    """Read a rig file; without one, that of the simulated rig which ships with the program."""
+    return load_rig(Path(str(_EXAMPLES / SIMULATED_RIG)) if rig is None else rig)
+
+
+def write_examples(directory: Path) -> None:
+    """Write the rig and protocol files with every key explained; existing files are left as they are."""
+    texts = {item.name: item for item in _EXAMPLES.iterdir() if item.name.endswith(".toml")}
+    taken = sorted(name for name in texts if (directory / name).exists())
+    if taken:
+        raise BadInputError(f"{directory / taken[0]}: exists already: give another folder to --example")
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        for name, item in texts.items():
+            (directory / name).write_text(item.read_text(encoding="utf-8"), encoding="utf-8")
+    except OSError as error:
+        raise BadInputError(
+            f"{directory}: can't be written ({error.strerror}): give another folder"
+        ) from error

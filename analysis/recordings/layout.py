@@ -7,22 +7,16 @@ other does not. Attributes of a group carry the names of the fields of the datac
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from datetime import datetime
-from typing import Any, get_args
+from typing import get_args
 
+from analysis.recordings.checks import Check, filled, finite, moment, not_negative, one_of, positive, slope
 from analysis.recordings.trial import FINGERS, Kind, Source, Status
 
 FORMAT = "indenter-trial"
 FORMAT_VERSION = 1
 
-_LARGEST = 1e9  # beyond it, in whatever unit, a value is damage: later arithmetic need not guard itself
-
 Value = str | float | int | None
-Check = Callable[[Any], str | None]
-"""Returns what is wrong with a value, or None."""
-
 SIGNALS = ("position_v", "force_v", "command_v")
 NATIVE_SIGNALS = ("time_s", "position_mm", "force_mn")
 
@@ -44,51 +38,6 @@ class Attribute:
     def where(self) -> str:
         """The attribute's address in the file, as error messages give it."""
         return f"{self.group.rstrip('/')}/{self.name}"
-
-
-def one_of(allowed: Iterable[Any]) -> Check:
-    """Return a check that a value is one of those allowed."""
-    names = tuple(allowed)
-
-    def check(value: Any) -> str | None:
-        return None if value in names else f"must be one of {', '.join(str(name) for name in names)}"
-
-    return check
-
-
-def finite(value: float) -> str | None:
-    """Check that a number is finite and of a size that can be calculated with."""
-    return None if abs(value) <= _LARGEST else "must be a finite number of sensible size"
-
-
-def slope(value: float) -> str | None:
-    """Check that a calibration slope can be divided by."""
-    sensible = 1 / _LARGEST <= abs(value) <= _LARGEST
-    return None if sensible else "must be a finite number of sensible size, and not zero"
-
-
-def positive(value: float) -> str | None:
-    """Check that a number is finite and above zero."""
-    return None if 1 / _LARGEST <= value <= _LARGEST else "must be a finite number above zero"
-
-
-def not_negative(value: float) -> str | None:
-    """Check that a number is finite and not below zero."""
-    return None if 0 <= value <= _LARGEST else "must be a finite number, not negative"
-
-
-def moment(value: str) -> str | None:
-    """Check that a text is a date and time of ISO 8601."""
-    try:
-        datetime.fromisoformat(value)
-    except ValueError:
-        return "must be a date and time as 2026-01-31T12:00:00+01:00"
-    return None
-
-
-def filled(value: str) -> str | None:
-    """Check that a text says something."""
-    return None if value.strip() else "must not be empty"
 
 
 _CONSTANTS = (

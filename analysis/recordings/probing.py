@@ -6,6 +6,7 @@ out. It is started when the first unsealed file is read and lives as long as its
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import json
 import os
@@ -54,6 +55,7 @@ class Probe:
             text=True,
             encoding="utf-8",
         )
+        atexit.register(_end, child, os.getpid())
         if _asked(child, "null", _START_S) is None:
             raise BadInputError("the process that checks trial files does not start: check the installation")
         return child
@@ -86,12 +88,20 @@ def _asked(child: subprocess.Popen[str], question: str, time_s: float) -> str | 
         timer.cancel()
     if answer.endswith("\n"):
         return answer
+    _end(child, os.getpid())
+    return None
+
+
+def _end(child: subprocess.Popen[str], parent_id: int) -> None:
+    """End the child and close its pipes; in a fork of its parent there is nothing to end."""
+    if parent_id != os.getpid():
+        return
     child.kill()
     child.wait()
-    with contextlib.suppress(BrokenPipeError):
-        child.stdin.close()
-    child.stdout.close()
-    return None
+    for pipe in (child.stdin, child.stdout):
+        if pipe is not None:
+            with contextlib.suppress(OSError):
+                pipe.close()
 
 
 def _serve() -> None:

@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analysis.errors import BadInputError
+from analysis.recordings.checks import phases_problem
 from analysis.recordings.layout import SIGNALS
 from analysis.recordings.locking import lock
 from analysis.recordings.trial import (
@@ -40,7 +41,14 @@ from analysis.recordings.trial import (
     Surface,
     Trial,
 )
-from analysis.recordings.writing import event_rows, phase_rows, replacing, write_attributes, write_trial
+from analysis.recordings.writing import (
+    event_rows,
+    phase_rows,
+    replacing,
+    writable,
+    write_attributes,
+    write_trial,
+)
 
 _PHASE_ROWS = 32
 _EVENT_ROWS = 128
@@ -109,8 +117,9 @@ class TrialWriter:
 
     def set_phases(self, phases: Sequence[Phase]) -> None:
         """Replace the phases known so far; they may reach beyond the samples written so far."""
-        if len(phases) > _PHASE_ROWS:
-            raise ValueError(f"a trial has at most {_PHASE_ROWS} phases")
+        problem = phases_problem(phases, np.iinfo(np.int64).max)
+        if problem or len(phases) > _PHASE_ROWS:
+            raise ValueError(f"phases: {problem or f'more than {_PHASE_ROWS}'}")
         self.phases = tuple(phases)
         self._put(self._offsets["phases"], phase_rows(self.phases, _PHASE_ROWS))
 
@@ -281,8 +290,8 @@ def _write_at(file: FileIO, offset: int, values: NDArray[Any]) -> None:
 
 def _shortened(event: Event) -> Event:
     """Cut the event's texts to the width of the running file's table, between whole characters."""
-    kind = event.kind.encode()[:32].decode(errors="ignore")
-    return Event(event.sample, kind, event.message.encode()[:_MESSAGE_BYTES].decode(errors="ignore"))
+    kind, message = writable(event.kind).encode()[:32], writable(event.message).encode()[:_MESSAGE_BYTES]
+    return Event(event.sample, kind.decode(errors="ignore"), message.decode(errors="ignore"))
 
 
 def _cut(phases: Sequence[Phase], n_samples: int) -> tuple[Phase, ...]:

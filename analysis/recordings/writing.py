@@ -17,7 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.errors import BadInputError
-from analysis.recordings.layout import FORMAT, FORMAT_VERSION, NATIVE_SIGNALS, Attribute, attributes_of
+from analysis.recordings.checks import phases_problem, samples_problem
+from analysis.recordings.layout import (
+    FORMAT,
+    FORMAT_VERSION,
+    NATIVE_SIGNALS,
+    SIGNALS,
+    Attribute,
+    attributes_of,
+)
 from analysis.recordings.reading import read_trial
 from analysis.recordings.sealing import seal
 from analysis.recordings.trial import Event, Phase, Trial
@@ -41,14 +49,25 @@ def write_trial(path: Path, trial: Trial) -> None:
     place can't be written.
     """
     path = Path(path)
-    with replacing(path) as part:
-        try:
-            with h5py.File(part, "w", libver="earliest") as file:
-                write_contents(file, trial)
-        except OSError as error:
-            raise BadInputError(
-                f"{path}: can't be written ({error}): check the folder and its space"
-            ) from error
+    check_trial(path, trial)
+    try:
+        with replacing(path) as part, h5py.File(part, "w", libver="earliest") as file:
+            write_contents(file, trial)
+    except OSError as error:
+        reason = error.strerror or " ".join(str(error).split())
+        raise BadInputError(f"{path}: can't be written ({reason}): check the folder and its space") from error
+
+
+def check_trial(path: Path, trial: Trial) -> None:
+    """Raise BadInputError where the reader would refuse what is to be written."""
+    lengths = {name: len(values) for name in SIGNALS if (values := getattr(trial, name)) is not None}
+    problems = {f"/signals/{name}": samples_problem(getattr(trial, name)) for name in lengths}
+    problems["/phases"] = phases_problem(trial.phases, trial.n_samples)
+    if len(set(lengths.values())) != 1 or not trial.n_samples:
+        problems["/signals"] = f"need equal lengths above 0, not {lengths}"
+    for where, problem in problems.items():
+        if problem:
+            raise BadInputError(f"{path}: {where} {problem}: the trial is not written")
 
 
 def replace_trial(path: Path, trial: Trial) -> None:
@@ -157,9 +176,11 @@ def write_attributes(file: Any, trial: Trial) -> None:
         _set(file, "/surface", _fields(trial.surface, "/surface"))
     _set(file, "/protocol", _fields(trial.protocol, "/protocol"))
     if trial.protocol.toml:
-        file["protocol"].create_dataset("toml", data=trial.protocol.toml, dtype=h5py.string_dtype())
+        file["protocol"].create_dataset("toml", data=writable(trial.protocol.toml), dtype=h5py.string_dtype())
     _set(file, "/specimen", _fields(trial.specimen, "/specimen"))
-    file.create_dataset("log", data=np.array(trial.log, dtype=object), dtype=h5py.string_dtype())
+    file.create_dataset(
+        "log", data=np.array([*map(writable, trial.log)], dtype=object), dtype=h5py.string_dtype()
+    )
 
 
 def phase_rows(phases: Sequence[Phase], capacity: int = 0) -> NDArray[Any]:
@@ -176,8 +197,8 @@ def phase_rows(phases: Sequence[Phase], capacity: int = 0) -> NDArray[Any]:
 
 def event_rows(events: Sequence[Event], capacity: int = 0, message_width: int = 1) -> NDArray[Any]:
     """Return the events as the compound rows of the file, filled up with empty ones to `capacity`."""
-    kinds = [event.kind.encode() for event in events]
-    messages = [event.message.encode() for event in events]
+    kinds = [writable(event.kind).encode() for event in events]
+    messages = [writable(event.message).encode() for event in events]
     width = max([message_width, *map(len, messages)])
     rows = np.zeros(
         max(len(events), capacity),
@@ -203,8 +224,13 @@ def _set(file: Any, group: str, values: dict[str, Any]) -> None:
 
 
 def _stored(attribute: Attribute, value: Any) -> Any:
-    stored = attribute.type(value) if attribute.type is not int else np.int64(value)
+    stored = writable(str(value)) if attribute.type is str else attribute.type(value)
     wrong = attribute.check(stored) if attribute.check else None
     if wrong:
         raise BadInputError(f"trial to be written: {attribute.where} is {value!r:.60}: it {wrong}")
-    return stored
+    return np.int64(stored) if attribute.type is int else stored
+
+
+def writable(text: str) -> str:
+    """Replace what HDF5 texts can't hold, NUL and lone surrogates: no run fails for a stray character."""
+    return text.replace("\0", "\ufffd").encode("utf-8", "replace").decode()

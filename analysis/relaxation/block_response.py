@@ -1,8 +1,8 @@
 """The solid's answer averaged over blocks of samples, with its derivatives, exact to rounding.
 
-Between knots the motion is straight, so an arm's stretch is q(s) = (q_b - v tau) exp(-s / tau) + v tau, and the
-mean over the block's evenly spaced samples is a geometric sum. The knot at which contact is made is put in
-where it belongs, between samples; so the model is smooth in the contact point.
+Between knots the motion is straight, so an arm's stretch is q(s) = (q_b - v tau) exp(-s / tau) + v tau,
+and the mean over the block's evenly spaced samples is a geometric sum. The knot at which contact is made
+is put in where it belongs, between samples; so the model is smooth in the contact point.
 """
 
 from __future__ import annotations
@@ -24,8 +24,9 @@ IntArray = NDArray[np.int64]
 class BlockAnswer:
     """Means over blocks: unit-stiffness forces and their derivatives.
 
-    ``rows`` (1 + n_arms, K) mm: depth, then each arm's stretch. ``tau_slopes`` (n_arms, K) mm/s: of each arm's
-    row by its own time. ``contact_slopes`` (1 + n_arms, K): of every row by the contact point, dimensionless.
+    ``rows`` (1 + n_arms, K) mm: depth, then each arm's stretch. ``tau_slopes`` (n_arms, K) mm/s: of each
+    arm's row by its own time. ``contact_slopes`` (1 + n_arms, K): of every row by the contact point,
+    dimensionless.
     """
 
     rows: FloatArray
@@ -35,7 +36,7 @@ class BlockAnswer:
 
 @dataclass(frozen=True, slots=True)
 class _Pieces:
-    """Straight pieces of the depth: blocks, where contact is made or lost inside one of them its two parts."""
+    """Straight pieces of the depth: the blocks, and the two parts of one in which contact changes."""
 
     lengths_s: FloatArray  # (S,)
     depth_mm: FloatArray  # (S + 1,) at the pieces' ends
@@ -104,7 +105,7 @@ def _depth_pieces(blocks: Blocks, contact_mm: float) -> _Pieces:
 
 
 def _arm_sums(pieces: _Pieces, tau_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return sums over each piece's samples, (S,) each: of the stretch, its slope by contact, its slope by tau."""
+    """Return sums over each piece's samples, (S,) each: stretch, its slope by contact, its slope by tau."""
     _, rise, decay_slope, rise_slope = interval_factors(pieces.lengths_s, tau_s)
     increments = np.diff(pieces.depth_mm)
     driven = np.stack([(rise * increments)[:-1], -pieces.entries[1:]])
@@ -162,4 +163,4 @@ def sampled_force(
         late = np.exp(age_s * (-1.0 / tau_s))
         late *= np.repeat(stiffness * (stretch_mm - pieces.speed_mm_s * tau_s), counts)
         force_mn += late
-    return np.maximum(force_mn, 0.0)
+    return np.asarray(np.maximum(force_mn, 0.0), dtype=float)

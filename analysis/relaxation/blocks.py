@@ -1,14 +1,15 @@
 """A trial condensed for fitting: means over blocks of samples that are short where something happens.
 
-Seventy thousand samples of an exponential that lasts two seconds say no more than a few hundred means of them,
-as long as the model is averaged over the very same samples (see `block_response`); so nothing is biased by the
-length of a block, only resolution is given away, and the blocks grow so slowly (6 % of the time since the last
-kink) that what is given away is below a thousandth of the information.
+Seventy thousand samples of an exponential that lasts two seconds say no more than a few hundred means of
+them, as long as the model is averaged over the very same samples (see `block_response`); so nothing is
+biased by the length of a block, only resolution is given away, and the blocks grow so slowly (6 % of the
+time since the last kink) that what is given away is below a thousandth of the information.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,9 +65,7 @@ def condense(window: FitWindow, contact: int) -> Blocks:
     if not window.even or len(window.time_s) < 2000:
         return _singles(window)
     known_mm = known_motion(window)
-    curved = curved_stretches(
-        window.position_mm if known_mm is None else known_mm, noisy=known_mm is None
-    )
+    curved = curved_stretches(window.position_mm if known_mm is None else known_mm, noisy=known_mm is None)
     edges = _edges(window, contact, curved)
     if known_mm is None:
         position_mm = straight_pieces(window.position_mm, edges)
@@ -105,7 +104,7 @@ def _edges(window: FitWindow, contact: int, curved: IntArray) -> IntArray:
     bounds = sorted(mark for mark in marks if 0 <= mark <= last)
     ramp_cap = max(1, (window.hold_start - window.ramp_start) // RAMP_PARTS)
     pieces: list[IntArray] = []
-    for start, stop in zip(bounds[:-1], bounds[1:], strict=True):
+    for start, stop in pairwise(bounds):
         if np.any((curved[:, 0] <= start) & (stop <= curved[:, 1])):
             cap: int | None = CURVED_SAMPLES
         elif lead <= start < window.approach_stop:
@@ -114,11 +113,11 @@ def _edges(window: FitWindow, contact: int, curved: IntArray) -> IntArray:
             cap = ramp_cap
         else:
             cap = None
-        pieces.append(_growing(start, stop) if cap is None else np.arange(start, stop, cap))
+        pieces.append(growing_edges(start, stop) if cap is None else np.arange(start, stop, cap))
     return np.unique(np.concatenate([*pieces, [last]]))
 
 
-def _growing(start: int, stop: int) -> IntArray:
+def growing_edges(start: int, stop: int) -> IntArray:
     """Return edges from ``start`` (included) to ``stop`` (not), four samples apart, then ever further."""
     length = stop - start
     linear = min(length, round(4 / GROWTH))

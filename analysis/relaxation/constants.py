@@ -11,7 +11,7 @@ from analysis.recordings.trial import FloatArray
 
 @dataclass(frozen=True, slots=True)
 class Solid:
-    """Springs and dashpots: F = k0 d + two or fewer arms, arms as (stiffness mN/mm, time s), longest time first.
+    """Springs and dashpots: k0 beside arms, given as (stiffness mN/mm, time s), longest time first.
 
     ``dashpots_mn_s_per_mm`` are k_i tau_i.
     """
@@ -26,7 +26,10 @@ class Solid:
 
     @classmethod
     def from_dashpots(
-        cls, k0_mn_per_mm: float, springs_mn_per_mm: tuple[float, ...], dashpots_mn_s_per_mm: tuple[float, ...]
+        cls,
+        k0_mn_per_mm: float,
+        springs_mn_per_mm: tuple[float, ...],
+        dashpots_mn_s_per_mm: tuple[float, ...],
     ) -> Solid:
         """Return the solid of given springs and dashpots, each arm one of both."""
         pairs = zip(springs_mn_per_mm, dashpots_mn_s_per_mm, strict=True)
@@ -64,7 +67,10 @@ class StepAnswer:
 
     @property
     def prony(self) -> tuple[tuple[float, float], ...]:
-        """Equation (7), G(t) / G(0) = 1 - sum_i g_i (1 - exp(-t / t_i)): (g_i, t_i) with g_i = A_i / sum of all A."""
+        """Equation (7), G(t) / G(0) = 1 - sum_i g_i (1 - exp(-t / t_i)): pairs (g_i, t_i).
+
+        g_i = A_i / (A0 + sum of all A_i).
+        """
         instantaneous_mn = self.a0_mn + sum(a for a, _ in self.terms)
         return tuple((a / instantaneous_mn, tau) for a, tau in self.terms)
 
@@ -78,7 +84,8 @@ class StepAnswer:
 def ramp_bias(ramp_s: float, tau_s: float) -> float:
     """Return what a step fit makes of an arm after a ramp of ``ramp_s``: (tau / T) (1 - exp(-T / tau)).
 
-    On linear tissue the hold after a ramp of constant speed is the ideal step answer with each A_i times this.
+    On linear tissue the hold after a ramp of constant speed is the ideal step answer with each A_i times
+    this.
     """
     ratio = ramp_s / tau_s
     return float(-np.expm1(-ratio) / ratio) if ratio > 0 else 1.0

@@ -42,7 +42,7 @@ def find_contact(window: FitWindow) -> Contact:
     if high - low <= 0.0:
         return unseen
     candidates = np.linspace(low, high, _CANDIDATES, endpoint=False)
-    squares, slopes, offsets = _hinges(position_mm, force_mn, candidates)
+    squares, _, _ = _hinges(position_mm, force_mn, candidates)
     line, best = float(squares[0]), int(np.argmin(squares))
     pitch = candidates[1] - candidates[0]
     finer = np.linspace(candidates[best] - pitch, candidates[best] + pitch, 21)

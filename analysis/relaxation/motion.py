@@ -86,7 +86,7 @@ def straight_pieces(values: FloatArray, knots: IntArray) -> FloatArray:
 
     Least squares over hat functions; ``knots`` (K,) are sample indices, rising, from 0 to N - 1.
     """
-    from scipy.linalg import solveh_banded  # noqa: PLC0415  (loaded with the first use)
+    from scipy.linalg import solveh_banded
 
     lengths = np.diff(knots)
     local = np.arange(knots[-1]) - np.repeat(knots[:-1], lengths)

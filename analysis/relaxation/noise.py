@@ -1,9 +1,9 @@
 """Standard errors that stay honest when the noise is correlated.
 
-The covariance of a least-squares estimate is the variance of a weighted sum of the noise. The noise's spectrum
-is measured on the residual: an autoregression whose order the Bayesian criterion chooses, fitted to means over
-short cells; where means over sixteen cells vary more than that spectrum says, a second one at their scale
-corrects its slow end.
+The covariance of a least-squares estimate is the variance of a weighted sum of the noise. The noise's
+spectrum is measured on the residual: an autoregression whose order the Bayesian criterion chooses,
+fitted to means over short cells; where means over sixteen cells vary more than that spectrum says, a
+second one at their scale corrects its slow end.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ _SLOW_SIGMAS = 3.0
 class NoiseSpectrum:
     """What the residual says of the noise.
 
-    ``cell`` samples are averaged first. ``order`` and ``slow_order`` are those of the two autoregressions
-    (``slow_order`` None: the first one explains the slow end). ``slow_ratio`` is the variance of slow means over
-    what white noise of the same sample variance would give; 1 for white noise, with a standard error of
-    ``slow_ratio_se`` then.
+    ``cell`` samples are averaged first. ``order`` and ``slow_order`` are those of the two
+    autoregressions (``slow_order`` None: the first one explains the slow end). ``slow_ratio`` is the
+    variance of slow means over what white noise of the same sample variance would give; 1 for white
+    noise, with a standard error of ``slow_ratio_se`` then.
     """
 
     cell: int
@@ -43,7 +43,7 @@ class NoiseSpectrum:
     slow_ratio_se: float
 
     def power(self, frequency: FloatArray) -> FloatArray:
-        """Return the power (F,) of cell means at frequencies in cycles a cell: variance per cell, two-sided."""
+        """Return the power (F,) of cell means, variance a cell, at frequencies in cycles a cell."""
         fine = self.innovation / np.abs(_transfer(self.coefficients, frequency)) ** 2
         if self.slow_coefficients is None:
             return fine
@@ -62,13 +62,11 @@ def measure_noise(residual: FloatArray, n_parameters: int) -> NoiseSpectrum:
     slow = _means(means, _SLOW)
     white = float(np.var(residual)) / (cell * _SLOW)
     if len(slow) <= 2 * n_parameters + 4:
-        return NoiseSpectrum(
-            cell, coefficients, innovation, None, 0.0, len(coefficients), None, 1.0, np.inf
-        )
+        return NoiseSpectrum(cell, coefficients, innovation, None, 0.0, len(coefficients), None, 1.0, np.inf)
     slow_freedom = len(slow) / (len(slow) - n_parameters)
     slow_variance = float(np.mean(slow**2)) * slow_freedom
     slow_se = float(np.sqrt(2.0 / (len(slow) - n_parameters)))
-    frequency = np.fft.rfftfreq(16 * _SLOW)
+    frequency: FloatArray = np.fft.rfftfreq(16 * _SLOW).astype(np.float64)
     window = np.abs(np.sinc(_SLOW * frequency) / np.sinc(frequency)) ** 2
     spectrum = innovation / np.abs(_transfer(coefficients, frequency)) ** 2
     both_sides = np.where((frequency == 0) | (frequency == 0.5), 1.0, 2.0)
@@ -95,7 +93,8 @@ def estimate_covariance(
 ) -> FloatArray:
     """Return the covariance (P, P) of the parameters of a weighted least-squares fit to block means.
 
-    ``jacobian`` (P, K) by block, ``weights`` (K,) the samples in each, ``edges`` (K + 1,) their sample indices.
+    ``jacobian`` (P, K) by block, ``weights`` (K,) the samples in each, ``edges`` (K + 1,) their sample
+    indices.
     """
     influence = influences(jacobian, weights)
     reached = np.concatenate([np.zeros((len(influence), 1)), np.cumsum(influence * weights, axis=1)], axis=1)
@@ -103,7 +102,7 @@ def estimate_covariance(
     cells = np.diff(np.stack([np.interp(marks, edges, row) for row in reached]), axis=1)
     n = 1 << (2 * cells.shape[1] - 1).bit_length()
     transformed = np.fft.rfft(cells, n, axis=1)
-    frequency = np.fft.rfftfreq(n)
+    frequency: FloatArray = np.fft.rfftfreq(n).astype(np.float64)
     both_sides = np.where((frequency == 0) | (frequency == 0.5), 1.0, 2.0)
     power = noise.power(frequency) * both_sides / n
     covariance = np.real((transformed * power) @ transformed.conj().T)
@@ -115,17 +114,21 @@ def influences(jacobian: FloatArray, weights: FloatArray) -> FloatArray:
     scale = np.sqrt(np.maximum(np.sum(weights * jacobian**2, axis=1), 1e-300))
     scaled = jacobian / scale[:, None]
     normal = (scaled * weights) @ scaled.T
-    return np.asarray(np.linalg.pinv(normal, rcond=1e-14, hermitian=True) @ scaled / scale[:, None], dtype=float)
+    return np.asarray(
+        np.linalg.pinv(normal, rcond=1e-14, hermitian=True) @ scaled / scale[:, None], dtype=float
+    )
 
 
 def _means(values: FloatArray, length: int) -> FloatArray:
     rows = len(values) // length
-    return values[: rows * length].reshape(rows, length).mean(axis=1)
+    return np.asarray(values[: rows * length].reshape(rows, length).mean(axis=1), dtype=float)
 
 
 def _transfer(coefficients: FloatArray, frequency: FloatArray) -> NDArray[np.complex128]:
     lags = np.arange(1, len(coefficients) + 1)
-    return np.asarray(1.0 - np.exp(-2j * np.pi * np.outer(frequency, lags)) @ coefficients, dtype=np.complex128)
+    return np.asarray(
+        1.0 - np.exp(-2j * np.pi * np.outer(frequency, lags)) @ coefficients, dtype=np.complex128
+    )
 
 
 def _autoregression(values: FloatArray, most: int, freedom: float) -> tuple[FloatArray, float]:

@@ -1,4 +1,4 @@
-"""Least squares in which the amplitudes are linear: they are projected out, only times and places are searched.
+"""Least squares with linear amplitudes: they are projected out, only times and places are searched.
 
 Variable projection with Kaufman's derivative (BIT 15, 49, 1975), damped after Levenberg and Marquardt.
 """
@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analysis.recordings.trial import FloatArray
 from analysis.relaxation.windows import CannotFitError
@@ -43,7 +44,7 @@ class Solution:
     squares: float
     jacobian: FloatArray
     settled: bool
-    at_bound: FloatArray
+    at_bound: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,14 +60,15 @@ def solve_separable(
     model: Callable[[FloatArray], Rows],
     target: FloatArray,
     weights: FloatArray,
+    *,
     start: FloatArray,
     low: FloatArray,
     high: FloatArray,
 ) -> Solution:
-    """Return the weighted least-squares solution for ``target`` (K,) with ``weights`` (K,), from ``start`` (P,).
+    """Return the least-squares solution for ``target`` (K,) with ``weights`` (K,), from ``start`` (P,).
 
-    ``low`` and ``high`` (P,) bound the nonlinear parameters. Raises CannotFitError where the model has no finite
-    value at the start.
+    ``low`` and ``high`` (P,) bound the nonlinear parameters. Raises CannotFitError where the model has
+    no finite value at the start.
     """
     roots = np.sqrt(weights)
     parameters = np.clip(start, low, high)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 
@@ -13,9 +12,9 @@ from analysis.relaxation.blocks import Blocks, condense
 from analysis.relaxation.contact import Contact, find_contact
 from analysis.relaxation.noise import NoiseSpectrum, estimate_covariance, measure_noise
 from analysis.relaxation.projection import Rows, Solution, solve_separable
+from analysis.relaxation.starting import GRID_TIMES, best_of_grid
 from analysis.relaxation.windows import CannotFitError, FitWindow
 
-_GRID_TIMES = 12  # candidates for starting values, evenly spaced in the logarithm
 _LONGEST_HOLDS = 30.0  # times are searched up to so many holds
 _MOST_ARMS = 4
 
@@ -91,7 +90,7 @@ def solve_blocks(
     for candidate in (contact, known) if contact.seen else (known,):
         model = RampModel(blocks, n_arms, candidate.position_mm, contact_free=candidate.seen)
         if start is None or len(start) != n_arms + candidate.seen:
-            log_times = _starting_times(blocks, candidate.position_mm, n_arms, shortest_s, longest_s, window)
+            log_times = _starting_times(blocks, window, candidate.position_mm, n_arms)
             begin = np.append(log_times, candidate.position_mm) if candidate.seen else log_times
         else:
             begin = start
@@ -99,34 +98,21 @@ def solve_blocks(
         high = np.full(n_arms, np.log(longest_s))
         if candidate.seen:
             low, high = np.append(low, lowest_mm), np.append(high, highest_mm)
-        solution = solve_separable(model, blocks.force_mn, blocks.counts, begin, low, high)
+        solution = solve_separable(model, blocks.force_mn, blocks.counts, start=begin, low=low, high=high)
         if not (candidate.seen and solution.at_bound[-1]):
             return solution, candidate
     return solution, candidate
 
 
-def _starting_times(
-    blocks: Blocks, contact_mm: float, n_arms: int, shortest_s: float, longest_s: float, window: FitWindow
-) -> FloatArray:
+def _starting_times(blocks: Blocks, window: FitWindow, contact_mm: float, n_arms: int) -> FloatArray:
     """Return log times (n_arms,), the longest first: the best of all combinations on a grid."""
-    first_s = max(4.0 * shortest_s, min(window.hold_s / 2000.0, 0.02))
-    last_s = min(2.0 * window.hold_s, longest_s)
-    grid = np.geomspace(min(first_s, last_s / 100.0), last_s, _GRID_TIMES)
-    rows = block_answer(blocks, contact_mm, grid.tolist()).rows
-    rows = np.concatenate([rows, np.ones((1, rows.shape[1])), blocks.force_mn[None]])
-    gram = (rows * blocks.counts) @ rows.T
-    scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-    gram = gram / np.outer(scale, scale)
-    choices = np.array(list(combinations(range(1, _GRID_TIMES + 1), n_arms)))
-    constant = np.full((len(choices), 1), _GRID_TIMES + 1)
-    columns = np.concatenate([np.zeros_like(constant), choices, constant], axis=1)
-    normal = gram[columns[:, :, None], columns[:, None, :]] + 1e-13 * np.eye(columns.shape[1])
-    right = gram[columns, -1]
-    amplitudes = np.linalg.solve(normal, right[:, :, None])[:, :, 0]
-    explained = np.sum(amplitudes * right, axis=1)
-    positive = np.all(amplitudes[:, : n_arms + 1] > 0, axis=1)
-    score = np.where(np.isfinite(explained), explained - 10.0 * ~positive, -np.inf)
-    return np.log(grid[choices[int(np.argmax(score))] - 1][::-1])
+    first_s = max(8.0 * window.step_s, min(window.hold_s / 2000.0, 0.02))
+    last_s = 2.0 * max(window.hold_s, 20.0 * window.step_s)
+    grid_s = np.geomspace(min(first_s, last_s / 100.0), last_s, GRID_TIMES)
+    rows = block_answer(blocks, contact_mm, grid_s.tolist()).rows
+    always = np.stack([rows[0], np.ones(rows.shape[1])])
+    best_s = best_of_grid(rows[1:], always, blocks.force_mn, blocks.counts, grid_s=grid_s, n_times=n_arms)
+    return np.log(best_s)
 
 
 def _finish(
@@ -148,5 +134,14 @@ def _finish(
         rows = np.append(rows, 2 * n_arms + 2)
     covariance = estimate_covariance(solution.jacobian[rows], blocks.counts, blocks.edges, noise)
     return RampSolution(
-        stiffness, times_s, contact_mm, contact.seen, offset_mn, covariance, residual_mn, noise, blocks, solution
+        stiffness,
+        times_s,
+        contact_mm,
+        contact.seen,
+        offset_mn,
+        covariance,
+        residual_mn,
+        noise,
+        blocks,
+        solution,
     )

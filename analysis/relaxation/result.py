@@ -1,4 +1,4 @@
-"""What a fit found: estimates with standard errors, checks with their numbers, or the reason why there is none."""
+"""What a fit found: estimates with standard errors, checks with their numbers, or why there is none."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ class Estimate:
 class Check:
     """A question asked of a trial's quality and its answer in numbers.
 
-    ``raised`` where ``value`` (in ``unit``) goes beyond ``limit``; ``text`` says in plain words what was found.
+    ``raised`` where ``value`` (in ``unit``) goes beyond ``limit``; ``text`` says in plain words what was
+    found.
     """
 
     name: str
@@ -44,8 +45,8 @@ class Check:
 class Amplitudes:
     """The fitted solid and its place: stiffnesses (1 + n_arms,) mN/mm, k0 first, times longest first.
 
-    ``contact_mm`` in lever coordinates and ``offset_mn`` belong to the trial; ``parameters`` names the rows of
-    ``covariance`` (P, P).
+    ``contact_mm`` in lever coordinates and ``offset_mn`` belong to the trial; ``parameters`` names the
+    rows of ``covariance`` (P, P).
     """
 
     stiffness_mn_per_mm: tuple[float, ...]
@@ -64,8 +65,9 @@ class Amplitudes:
 class TrialFit:
     """One row of a study: a trial's labels, its estimates by the names of `NAMES`, its checks.
 
-    ``failure`` is the reason why ``estimates`` is empty. ``depth_mm`` is the protocol's, or the measured travel
-    of the ramp where it has none. ``solid`` is None where nothing was fitted and for the step model.
+    ``failure`` is the reason why ``estimates`` is empty. ``depth_mm`` is the protocol's, or the measured
+    travel of the ramp where it has none. ``solid`` is None where nothing was fitted and for the step
+    model.
     """
 
     file: str

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analysis.recordings.trial import FloatArray, Trial
 
@@ -76,13 +77,13 @@ def cut_window(trial: Trial) -> FitWindow:
     return window
 
 
-def _even(trial: Trial, marks: np.ndarray) -> FitWindow:  # type: ignore[type-arg]
+def _even(trial: Trial, marks: NDArray[np.int64]) -> FitWindow:
     first, approach_stop, ramp_start, hold_start, stop = (int(mark) for mark in marks)
     used = slice(first, stop)
     command_mm = trial.command_mm
     step_s = 1.0 / trial.sample_rate_hz
     return FitWindow(
-        time_s=np.arange(stop - first) * step_s,
+        time_s=np.arange(stop - first, dtype=float) * step_s,
         step_s=step_s,
         even=True,
         position_mm=trial.position_mm[used],
@@ -95,7 +96,7 @@ def _even(trial: Trial, marks: np.ndarray) -> FitWindow:  # type: ignore[type-ar
     )
 
 
-def _native(trial: Trial, marks: np.ndarray) -> FitWindow:  # type: ignore[type-arg]
+def _native(trial: Trial, marks: NDArray[np.int64]) -> FitWindow:
     native = trial.native
     assert native is not None
     instants_s = marks / trial.sample_rate_hz

@@ -1,0 +1,168 @@
+"""Figures in the manner of the published Figs. 4, 5b and 6, as PNG and as PDF with real text."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from analysis.recordings.trial import FINGERS
+from analysis.relaxation.prediction import Curve
+from analysis.relaxation.published import RESULTS, STIFFNESS_MN_PER_UM
+from analysis.relaxation.result import TrialFit
+from analysis.relaxation.study import Study
+
+_STYLE: Any = {
+    "pdf.fonttype": 42,
+    "ps.fonttype": 42,
+    "font.size": 9,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.axisbelow": True,
+    "legend.frameon": False,
+    "legend.fontsize": 8,
+    "savefig.dpi": 160,
+}
+# Okabe and Ito's palette, told apart by everyone; one colour a finger
+_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+_GREY = "#999999"
+_LABELS = {
+    "t1_s": "t1 (s)",
+    "t2_s": "t2 (s)",
+    "A1_over_A0": "A1 / A0",
+    "A2_over_A0": "A2 / A0",
+}
+_MOST_POINTS = 3000
+
+
+def draw_all(
+    out: Path, rows: Sequence[TrialFit], study: Study, curves: Sequence[tuple[str, Curve]]
+) -> dict[str, Path]:
+    """Draw every figure that the rows allow into ``out``; return name -> PNG (the PDF lies beside)."""
+    used = [row for row in rows if row.fitted and not row.discarded]
+    drawers: dict[str, Callable[[Any], None]] = {}
+    if curves:
+        drawers["relaxation"] = lambda figure: _relaxation(figure, curves)
+    if len(used) > 1:
+        drawers["stiffness"] = lambda figure: _stiffness(figure, used, study)
+        drawers["parameters"] = lambda figure: _parameters(figure, used)
+    sizes = {"relaxation": (7.0, 4.6), "stiffness": (4.6, 3.6), "parameters": (7.0, 5.2)}
+    drawn = {}
+    for name, draw in drawers.items():
+        with _figure(sizes[name]) as figure:
+            draw(figure)
+            for suffix in (".png", ".pdf"):
+                figure.savefig(out / f"{name}{suffix}")
+            drawn[name] = out / f"{name}.png"
+    return drawn
+
+
+@contextmanager
+def _figure(size_inches: tuple[float, float]) -> Iterator[Any]:
+    from matplotlib import rc_context
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    with rc_context(_STYLE):
+        figure = Figure(figsize=size_inches, layout="constrained")
+        FigureCanvasAgg(figure)
+        yield figure
+
+
+def _relaxation(figure: Any, curves: Sequence[tuple[str, Curve]]) -> None:
+    """Force in the hold and its fit, one trial a depth (as Fig. 4), with the residual below."""
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
+    for number, (label, curve) in enumerate(curves):
+        colour = _COLOURS[number % len(_COLOURS)]
+        time_s = curve.time_s - curve.hold_start_s
+        shown = time_s >= -1.0
+        stride = max(1, int(shown.sum()) // _MOST_POINTS)
+        t, force, fitted = (values[shown][::stride] for values in (time_s, curve.force_mn, curve.fitted_mn))
+        above.plot(t, force, ".", ms=1.2, color=colour, alpha=0.35, rasterized=True)
+        above.plot(t, fitted, "-", lw=1.3, color=colour, label=label)
+        below.plot(t, force - fitted, ".", ms=1.0, color=colour, alpha=0.35, rasterized=True)
+    above.set_ylabel("force (mN)")
+    above.legend(title="depth")
+    below.axhline(0.0, color="black", lw=0.6)
+    below.set_ylabel("residual (mN)")
+    below.set_xlabel("time since the end of the ramp (s)")
+
+
+def _stiffness(figure: Any, rows: Sequence[TrialFit], study: Study) -> None:
+    """A0 over depth with its line (as Fig. 5b)."""
+    axes = figure.subplots()
+    for colour, finger, chosen in _by_finger(rows):
+        depth_um = [1e3 * (row.depth_mm or 0.0) for row in chosen]
+        a0 = [row.estimates["A0_mn"] for row in chosen]
+        axes.errorbar(
+            depth_um,
+            [estimate.value for estimate in a0],
+            [estimate.se for estimate in a0],
+            fmt="o",
+            ms=3.5,
+            color=colour,
+            alpha=0.7,
+            lw=0.8,
+            label=finger or "finger not named",
+        )
+    depths = np.array([1e3 * (row.depth_mm or 0.0) for row in rows])
+    if study.slope_mn_per_um is not None:
+        mean = float(np.mean([row.estimates["A0_mn"].value for row in rows]))
+        span = np.array([depths.min(), depths.max()])
+        line = mean + study.slope_mn_per_um * (span - depths.mean())
+        axes.plot(span, line, "-", color="black", lw=1.0, label=f"{study.slope_mn_per_um:.3f} mN/um")
+        published = STIFFNESS_MN_PER_UM
+        axes.plot(span, published * span, "--", color=_GREY, lw=1.0, label=f"published {published:.3f} mN/um")
+    axes.set_xlabel("depth (um)")
+    axes.set_ylabel("A0 (mN)")
+    axes.legend()
+
+
+def _parameters(figure: Any, rows: Sequence[TrialFit]) -> None:
+    """Times and amplitude ratios by depth and finger, with the published mean and deviation (as Fig. 6)."""
+    panels = figure.subplots(2, 2)
+    depths = sorted({round(1e3 * (row.depth_mm or 0.0)) for row in rows})
+    width = 0.8 * (min(np.diff(depths)) if len(depths) > 1 else 200.0)
+    groups = list(_by_finger(rows))
+    for axes, (column, label) in zip(panels.ravel(), _LABELS.items(), strict=True):
+        published = RESULTS[column]
+        axes.axhspan(published.mean - published.sd, published.mean + published.sd, color="#eeeeee", lw=0)
+        axes.axhline(published.mean, color=_GREY, lw=1.0, ls="--", label="published mean, sd")
+        for number, (colour, finger, chosen) in enumerate(groups):
+            place = (number + 0.5) / len(groups) - 0.5
+            for depth in depths:
+                values = [
+                    row.estimates[column].value
+                    for row in chosen
+                    if round(1e3 * (row.depth_mm or 0.0)) == depth
+                ]
+                if not values:
+                    continue
+                spread = np.std(values, ddof=1) if len(values) > 1 else 0.0
+                axes.errorbar(
+                    depth + place * width,
+                    np.mean(values),
+                    spread,
+                    fmt="o",
+                    ms=4,
+                    color=colour,
+                    lw=1.0,
+                    capsize=2,
+                    label=(finger or "finger not named") if depth == depths[0] else None,
+                )
+        axes.set_ylabel(label)
+        axes.set_xlabel("depth (um)")
+        axes.set_xticks(depths)
+    handles, labels = panels.ravel()[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=min(6, len(labels)))
+
+
+def _by_finger(rows: Sequence[TrialFit]) -> Iterator[tuple[str, str, list[TrialFit]]]:
+    fingers = sorted(
+        {row.finger for row in rows}, key=lambda f: (FINGERS.index(f) if f in FINGERS else len(FINGERS), f)
+    )
+    for number, finger in enumerate(fingers):
+        yield _COLOURS[number % len(_COLOURS)], finger, [row for row in rows if row.finger == finger]

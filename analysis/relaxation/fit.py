@@ -1,0 +1,144 @@
+"""One trial, one row: the fit by either model, its estimates, its checks, or the reason why there is none."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from analysis.recordings.trial import FloatArray, Trial
+from analysis.relaxation.quality import checks_of_ramp, checks_of_step
+from analysis.relaxation.ramp_fit import RampSolution, fit_ramp
+from analysis.relaxation.result import Amplitudes, Estimate, Model, TrialFit
+from analysis.relaxation.step_fit import StepSolution, fit_step
+from analysis.relaxation.windows import CannotFitError, FitWindow, cut_window
+
+
+def fit_trial(trial: Trial, model: Model = "ramp") -> TrialFit:
+    """Fit one trial. Never raises: a trial that can't be fitted comes back with the reason in ``failure``."""
+    labels = TrialFit(
+        file=Path(trial.path).name,
+        trial_id=trial.trial_id,
+        model=model,
+        finger=trial.specimen.finger,
+        subject=trial.specimen.subject,
+        depth_mm=trial.protocol.depth_mm,
+        repeat=trial.specimen.repeat,
+        discarded=trial.discarded,
+    )
+    try:
+        with np.errstate(all="ignore"):
+            window = cut_window(trial)
+            labels = _measured_labels(labels, window, model)
+            if model == "step":
+                return _step_row(labels, trial, window, fit_step(window))
+            return _ramp_row(labels, trial, window, fit_ramp(window))
+    except CannotFitError as reason:
+        return replace(labels, failure=str(reason))
+    except (ArithmeticError, ValueError, IndexError, MemoryError) as fault:
+        # whatever a hopeless recording does to the arithmetic: its row says so, the study goes on
+        return replace(labels, failure=f"the arithmetic failed ({type(fault).__name__}: {fault})")
+
+
+def _measured_labels(labels: TrialFit, window: FitWindow, model: Model) -> TrialFit:
+    hold_mm = float(np.median(window.position_mm[window.hold_start :]))
+    travel_mm = hold_mm - float(np.median(_before(window.position_mm, window.ramp_start)))
+    used = len(window.time_s) - (window.hold_start if model == "step" else 0)
+    return replace(
+        labels,
+        depth_mm=labels.depth_mm if labels.depth_mm is not None else travel_mm,
+        n_samples=used,
+        ramp_s=window.ramp_s,
+        hold_s=window.hold_s,
+    )
+
+
+def _before(values: FloatArray, index: int) -> FloatArray:
+    return values[max(0, index - 200) : index + 1] if index > 200 else values[: index + 1][-1:]
+
+
+def _ramp_row(labels: TrialFit, trial: Trial, window: FitWindow, found: RampSolution) -> TrialFit:
+    k0, n_arms = float(found.stiffness_mn_per_mm[0]), len(found.times_s)
+    if not k0 > 0:
+        raise CannotFitError(f"the force does not grow with depth: k0 would be {k0:.3g} mN/mm")
+    hold_mm = float(np.mean(found.blocks.position_mm[found.blocks.edges >= window.hold_start]))
+    indentation_mm = hold_mm - found.contact_mm
+    # columns of the covariance: k0, k1.., offset, log t1.., contact
+    a0 = np.zeros(len(found.covariance))
+    a0[0] = indentation_mm
+    if found.contact_seen:
+        a0[-1] = -k0
+    estimates = {"A0_mn": Estimate(k0 * indentation_mm, _spread(a0, found.covariance))}
+    for i in range(n_arms):
+        ratio = float(found.stiffness_mn_per_mm[1 + i]) / k0
+        by = np.zeros(len(found.covariance))
+        by[0], by[1 + i] = -ratio / k0, 1.0 / k0
+        estimates[f"A{i + 1}_over_A0"] = Estimate(ratio, _spread(by, found.covariance))
+    for i, tau_s in enumerate(found.times_s):
+        by = np.zeros(len(found.covariance))
+        by[n_arms + 2 + i] = tau_s
+        estimates[f"t{i + 1}_s"] = Estimate(float(tau_s), _spread(by, found.covariance))
+    errors = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
+    names = ("k0_mn_per_mm", *(f"k{i + 1}_mn_per_mm" for i in range(n_arms)), "offset_mn")
+    names = (*names, *(f"log_t{i + 1}" for i in range(n_arms)))
+    solid = Amplitudes(
+        stiffness_mn_per_mm=tuple(found.stiffness_mn_per_mm.tolist()),
+        times_s=tuple(found.times_s.tolist()),
+        contact_mm=found.contact_mm,
+        contact_se_mm=float(errors[-1]) if found.contact_seen else 0.0,
+        contact_seen=found.contact_seen,
+        offset_mn=found.offset_mn,
+        offset_se_mn=float(errors[n_arms + 1]),
+        indentation_mm=indentation_mm,
+        parameters=(*names, "contact_mm") if found.contact_seen else names,
+        covariance=found.covariance,
+    )
+    rms_mn, r2 = _goodness(window, found)
+    row = replace(
+        labels, estimates=estimates, stiffness_mn_per_um=k0 / 1000.0, rms_mn=rms_mn, r2=r2, solid=solid
+    )
+    return _accepted(replace(row, checks=checks_of_ramp(trial, window, found, row)))
+
+
+def _step_row(labels: TrialFit, trial: Trial, window: FitWindow, found: StepSolution) -> TrialFit:
+    a0, n_terms = float(found.amplitudes_mn[0]), len(found.times_s)
+    if not a0 > 0:
+        raise CannotFitError(f"the hold has no elastic part: A0 would be {a0:.3g} mN")
+    estimates = {"A0_mn": Estimate(a0, float(np.sqrt(max(found.covariance[0, 0], 0.0))))}
+    for i in range(n_terms):
+        ratio = float(found.amplitudes_mn[1 + i]) / a0
+        by = np.zeros(len(found.covariance))
+        by[0], by[1 + i] = -ratio / a0, 1.0 / a0
+        estimates[f"A{i + 1}_over_A0"] = Estimate(ratio, _spread(by, found.covariance))
+    for i, tau_s in enumerate(found.times_s):
+        by = np.zeros(len(found.covariance))
+        by[1 + n_terms + i] = tau_s
+        estimates[f"t{i + 1}_s"] = Estimate(float(tau_s), _spread(by, found.covariance))
+    depth_mm = labels.depth_mm
+    stiffness = a0 / (1000.0 * depth_mm) if depth_mm is not None and depth_mm > 0 else None
+    rms_mn, r2 = _goodness(window, found)
+    row = replace(labels, estimates=estimates, stiffness_mn_per_um=stiffness, rms_mn=rms_mn, r2=r2)
+    return _accepted(replace(row, checks=checks_of_step(trial, window, found, row)))
+
+
+def _spread(by: FloatArray, covariance: FloatArray) -> float:
+    """Return the standard error of a quantity whose derivatives by the parameters are ``by``."""
+    return float(np.sqrt(max(float(by @ covariance @ by), 0.0)))
+
+
+def _goodness(window: FitWindow, found: RampSolution | StepSolution) -> tuple[float, float]:
+    """Return the root mean square of the residual, mN, and R2."""
+    residual_mn = found.residual_mn
+    first = window.hold_start if isinstance(found, StepSolution) else 0
+    force_mn = window.force_mn[first : first + len(residual_mn)]
+    squares = float(residual_mn @ residual_mn)
+    total = float(np.sum((force_mn - force_mn.mean()) ** 2))
+    return float(np.sqrt(squares / len(residual_mn))), 1.0 - squares / total
+
+
+def _accepted(row: TrialFit) -> TrialFit:
+    numbers = [x for e in row.estimates.values() for x in (e.value, e.se)]
+    if not np.all(np.isfinite(numbers)):
+        raise CannotFitError("the estimates are not finite numbers")
+    return row

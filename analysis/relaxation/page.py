@@ -1,0 +1,217 @@
+"""The study's page: one HTML file that holds its tables and figures and can be mailed."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from datetime import datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from analysis.recordings.reading import read_trial
+from analysis.relaxation.constants import ramp_bias
+from analysis.relaxation.cross_prediction import CrossPrediction
+from analysis.relaxation.figures import draw_all
+from analysis.relaxation.prediction import Curve, fitted_curve
+from analysis.relaxation.published import CURVES, RESULTS, SOURCE, STIFFNESS_MN_PER_UM
+from analysis.relaxation.result import NAMES, TrialFit
+from analysis.relaxation.study import COLUMNS, Group, Study, Summary, summarise
+
+_LABELS = {
+    "A0_mn": "A0 (mN)",
+    "A1_over_A0": "A1/A0",
+    "A2_over_A0": "A2/A0",
+    "t1_s": "t1 (s)",
+    "t2_s": "t2 (s)",
+    "stiffness_mn_per_um": "stiffness (mN/um)",
+}
+_CAPTIONS = {
+    "relaxation": "Recorded force (points) and fit (lines), one trial a depth, with the residual below.",
+    "stiffness": "A0 over depth with standard errors; line: its slope, broken line: the published one.",
+    "parameters": "Times and amplitude ratios by depth and finger, mean and sd; band: published.",
+}
+_MODEL_TEXTS = {
+    "ramp": "Each fit is driven by the recorded motion (ramp model).",
+    "step": "Each hold is taken as the answer to an ideal step, as published; that biases A2 and A1.",
+}
+_MOST_CURVES = 6
+
+
+def write_page(
+    out: Path, files: Sequence[Path], rows: Sequence[TrialFit], predictions: Sequence[CrossPrediction] = ()
+) -> Path:
+    """Draw the figures and write ``fits.html`` into ``out``; return its path.
+
+    ``files`` (N,) belong to ``rows`` (N,).
+    """
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    study = summarise(rows)
+    figures = draw_all(out, rows, study, _examples(files, rows))
+    environment = Environment(
+        loader=PackageLoader("analysis.relaxation", "."), autoescape=True, undefined=StrictUndefined
+    )
+    html = environment.get_template("page.html.j2").render(
+        study=study,
+        n_failed=sum(not row.fitted for row in rows),
+        n_discarded=sum(row.fitted and bool(row.discarded) for row in rows),
+        n_flagged=sum(row.fitted and not row.discarded and bool(row.flags) for row in rows),
+        model_text=_MODEL_TEXTS[rows[0].model],
+        date=datetime.now().astimezone().strftime("%Y-%m-%d"),
+        version=version("indenter"),
+        source=SOURCE,
+        curves=CURVES,
+        beside=_beside(study),
+        bias=_bias(rows) if rows[0].model == "ramp" else [],
+        figures=[
+            {"data": base64.b64encode(path.read_bytes()).decode(), "caption": _CAPTIONS[name]}
+            for name, path in figures.items()
+        ],
+        column_labels=[_LABELS[column] for column in COLUMNS],
+        groups=[_group_cells(group) for group in study.groups],
+        scatter=_scatter_cells(study),
+        predictions=[_prediction_cells(prediction) for prediction in predictions],
+        flagged=[{"file": row.file, "lines": _flag_lines(row)} for row in rows if row.flags],
+        trial_labels=[_LABELS[name] for name in NAMES],
+        trials=[_trial_cells(row) for row in rows if row.fitted],
+    )
+    path = out / "fits.html"
+    path.write_text(html, encoding="utf-8")
+    return path
+
+
+def _examples(files: Sequence[Path], rows: Sequence[TrialFit]) -> list[tuple[str, Curve]]:
+    """Return one fitted trial a depth, of the finger that has most depths, if possible without flags."""
+    used = [(file, row) for file, row in zip(files, rows, strict=True) if row.fitted and not row.discarded]
+    by_finger: dict[str, dict[float, tuple[Path, TrialFit]]] = {}
+    for file, row in sorted(used, key=lambda pair: bool(pair[1].flags)):
+        by_finger.setdefault(row.finger, {}).setdefault(round(row.depth_mm or 0.0, 2), (file, row))
+    if not by_finger:
+        return []
+    chosen = max(by_finger.values(), key=len)
+    return [
+        (f"{depth:g} mm", fitted_curve(read_trial(file), row))
+        for depth, (file, row) in sorted(chosen.items())[:_MOST_CURVES]
+    ]
+
+
+def _number(value: float | None, digits: int = 4) -> str:
+    return "" if value is None else f"{value:.{digits}g}"
+
+
+def _mean_sd(summary: Summary | None) -> str:
+    if summary is None:
+        return ""
+    return _number(summary.mean) + (f" ± {_number(summary.sd, 2)}" if summary.sd is not None else "")
+
+
+def _beside(study: Study) -> list[dict[str, Any]]:
+    overall = study.groups[-1].columns
+    table = []
+    for name, published in RESULTS.items():
+        here = overall.get(name)
+        table.append(
+            {
+                "label": _LABELS[name],
+                "published": _number(published.mean),
+                "published_sd": _number(published.sd),
+                "mean": _number(here.mean if here else None),
+                "sd": _number(here.sd if here else None, 2),
+                "n": here.n if here else 0,
+                "se": _number(here.mean_se if here else None, 2),
+            }
+        )
+    table.append(
+        {
+            "label": "slope of A0 over depth (mN/um)",
+            "published": _number(STIFFNESS_MN_PER_UM),
+            "published_sd": "",
+            "mean": _number(study.slope_mn_per_um),
+            "sd": "",
+            "n": study.n_used,
+            "se": _number(study.slope_se, 2),
+        }
+    )
+    return table
+
+
+def _bias(rows: Sequence[TrialFit]) -> list[dict[str, str]]:
+    """Return by depth what share of A1 and A2 a step fit would keep, from the mean times found here."""
+    by_depth: dict[float, list[TrialFit]] = {}
+    for row in rows:
+        if row.fitted and not row.discarded and row.ramp_s:
+            by_depth.setdefault(round(row.depth_mm or 0.0, 2), []).append(row)
+    table = []
+    for depth, chosen in sorted(by_depth.items()):
+        ramp_s = sum(row.ramp_s or 0.0 for row in chosen) / len(chosen)
+        kept = {
+            name: ramp_bias(ramp_s, sum(row.estimates[name].value for row in chosen) / len(chosen))
+            for name in ("t1_s", "t2_s")
+        }
+        table.append(
+            {
+                "depth": f"{depth:g}",
+                "ramp_ms": _number(1e3 * ramp_s, 3),
+                "a1": f"{kept['t1_s']:.3f}",
+                "a2": f"{kept['t2_s']:.3f}",
+            }
+        )
+    return table
+
+
+def _group_cells(group: Group) -> dict[str, Any]:
+    return {
+        "finger": "all" if group.finger is None else (group.finger or "not named"),
+        "depth": "all" if group.depth_mm is None else f"{group.depth_mm:g}",
+        "sum": group.finger is None or group.depth_mm is None,
+        "n": max((summary.n for summary in group.columns.values()), default=0),
+        "cells": [_mean_sd(group.columns.get(column)) for column in COLUMNS],
+    }
+
+
+def _scatter_cells(study: Study) -> list[dict[str, Any]]:
+    table = []
+    for depth, columns in study.scatter.items():
+        if not columns:
+            continue
+        for kind in ("between", "within"):
+            cells = [
+                _number(getattr(columns[column], kind) ** 0.5, 3) if column in columns else ""
+                for column in COLUMNS
+            ]
+            table.append({"depth": "all" if depth is None else f"{depth:g}", "kind": kind, "cells": cells})
+    return table
+
+
+def _prediction_cells(item: CrossPrediction) -> dict[str, Any]:
+    return {
+        "fitted": item.fitted,
+        "ramp": _number(item.ramp_s, 3),
+        "other": item.other,
+        "other_ramp": _number(item.other_ramp_s, 3),
+        "rms": _number(item.rms_mn, 3),
+        "share": _number(100.0 * item.share, 3),
+        "r2": _number(item.r2, 4),
+        "failed": item.failed,
+    }
+
+
+def _flag_lines(row: TrialFit) -> list[str]:
+    lines = [f"discarded: {row.discarded}"] if row.discarded else []
+    lines += [f"not fitted: {row.failure}"] if row.failure else []
+    return lines + [f"{check.name}: {check.text}" for check in row.checks if check.raised]
+
+
+def _trial_cells(row: TrialFit) -> dict[str, Any]:
+    return {
+        "file": row.file,
+        "finger": row.finger,
+        "depth": _number(row.depth_mm, 3),
+        "repeat": "" if row.repeat is None else row.repeat,
+        "cells": [
+            f"{_number(e.value)} ± {_number(e.se, 2)}" for e in (row.estimates[name] for name in NAMES)
+        ],
+        "rms": _number(row.rms_mn, 3),
+        "r2": _number(row.r2, 5),
+    }

@@ -1,0 +1,86 @@
+"""What a fitted solid says of other motions: its own trial at every sample, and trials it has not seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.recordings.trial import FloatArray, Trial
+from analysis.relaxation.block_response import sampled_force
+from analysis.relaxation.blocks import condense
+from analysis.relaxation.constants import StepAnswer
+from analysis.relaxation.contact import find_contact
+from analysis.relaxation.result import TrialFit
+from analysis.relaxation.windows import CannotFitError, cut_window
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """Recorded and fitted force (N,) mN over time (N,) s since the window's first sample."""
+
+    time_s: FloatArray
+    position_mm: FloatArray
+    force_mn: FloatArray
+    fitted_mn: FloatArray
+    hold_start_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Prediction:
+    """How well one trial's solid says another's force.
+
+    ``rms_mn`` of the force it misses, ``share`` of that in the other's largest force; ``r2`` beside,
+    which hides it.
+    """
+
+    rms_mn: float
+    share: float
+    r2: float
+
+
+def fitted_curve(trial: Trial, row: TrialFit) -> Curve:
+    """Return the force that a trial's own fit says; NaN before the hold for the step model."""
+    window = cut_window(trial)
+    if row.solid is not None:
+        found = _solid_force(trial, row, row.solid.contact_mm) + row.solid.offset_mn
+        fitted = np.append(found, found[-1])
+    else:
+        fitted = np.full(len(window.time_s), np.nan)
+        age_s = window.time_s[window.hold_start :] - window.time_s[window.hold_start]
+        fitted[window.hold_start :] = _step_answer(row).force_mn(age_s)
+    return Curve(
+        window.time_s, window.position_mm, window.force_mn, fitted, float(window.time_s[window.hold_start])
+    )
+
+
+def predict(row: TrialFit, other: Trial, contact_mm: float) -> Prediction:
+    """Return how well ``row``'s solid, fitted elsewhere, says the force of another trial.
+
+    The other trial's force offset is free; nothing else is. Raises CannotFitError where there is nothing
+    to say.
+    """
+    if row.solid is None:
+        raise CannotFitError("only a fit of the ramp model says other motions")
+    window = cut_window(other)
+    said_mn = _solid_force(other, row, contact_mm)
+    force_mn = window.force_mn[: len(said_mn)]
+    missed_mn = force_mn - said_mn
+    missed_mn = missed_mn - missed_mn.mean()
+    rms_mn = float(np.sqrt(np.mean(missed_mn**2)))
+    largest_mn = float(np.ptp(force_mn))
+    return Prediction(rms_mn, rms_mn / largest_mn, 1.0 - rms_mn**2 / float(np.var(force_mn)))
+
+
+def _solid_force(trial: Trial, row: TrialFit, contact_mm: float) -> FloatArray:
+    assert row.solid is not None
+    window = cut_window(trial)
+    blocks = condense(window, find_contact(window).sample)
+    stiffness = np.array(row.solid.stiffness_mn_per_mm)
+    return sampled_force(blocks, contact_mm, stiffness, np.array(row.solid.times_s))
+
+
+def _step_answer(row: TrialFit) -> StepAnswer:
+    a0 = row.estimates["A0_mn"].value
+    terms = tuple((a0 * row.estimates[f"A{i}_over_A0"].value, row.estimates[f"t{i}_s"].value) for i in (1, 2))
+    return StepAnswer(a0, terms)

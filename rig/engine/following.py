@@ -12,7 +12,8 @@ from rig.engine.feed import HEARTBEAT_S
 from rig.engine.progress import Snapshot
 from rig.engine.ring import RingReader
 
-_GONE_S = 4 * HEARTBEAT_S
+SILENT_S = 4 * HEARTBEAT_S
+"""A run that says nothing for so long is gone."""
 
 
 class Follower:
@@ -38,7 +39,7 @@ class Follower:
         self._context.term()
         self.ring.close()
 
-    def snapshot(self, timeout_s: float = _GONE_S) -> Snapshot | None:
+    def snapshot(self, timeout_s: float = SILENT_S) -> Snapshot | None:
         """Return the newest snapshot, waiting for one; None where the run has been silent for so long."""
         if not self._snapshots.poll(round(1000 * timeout_s)):
             return None

@@ -38,7 +38,7 @@ class Line:
         return self.y - self.intercept - self.slope * self.x
 
 
-def line_through(x: Sequence[float], y: Sequence[float]) -> Line:
+def line_through(x: Sequence[float] | FloatArray, y: Sequence[float] | FloatArray) -> Line:
     """Return the least-squares line of y on x; at least 3 points with 3 different x."""
     x_, y_ = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
     mean = x_.mean()

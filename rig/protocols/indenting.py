@@ -14,7 +14,7 @@ FREE_S = 0.1
 BLOCK_SPEED_MM_S = 0.2
 """Approach to a stiff block, at most: 1 um too deep is 10 to 20 mN."""
 
-NEAR_MM = 0.3
+NEAR_MM = 0.05
 """How far short of a surface found before, the next approach to the same block begins."""
 
 _HAND_S = 10.0

@@ -1,0 +1,227 @@
+"""The whole diagnosis of a set of trials: baseline, noise, search, alternatives, what is absorbed, confirmation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.mismatch.confirm import HeldOut, held_out
+from analysis.mismatch.intake import Intake
+from analysis.mismatch.joint import Addition, JointFit, Simulation
+from analysis.mismatch.noise import NoiseModel, Whitener, measure_noise
+from analysis.mismatch.position_channel import PositionFinding, look_at_position
+from analysis.mismatch.search import LEVEL, Candidate, Named, Problem, refit_with, search
+from analysis.mismatch.signatures import Probe, accumulate
+from analysis.mismatch.start import start_own, start_rigid, start_tissue
+from analysis.simulation.cells import CellTrial
+from analysis.simulation.mechanism import Mechanism, library
+from analysis.simulation.mechanisms.finite_ramp import FiniteRamp
+
+FloatArray = NDArray[np.float64]
+
+SAME_GAIN = 0.05
+ALTERNATIVES_TRIED = 6
+ABSORBED_SHARE = 0.06
+HIDDEN_STRENGTH = 6.0
+
+
+@dataclass(frozen=True)
+class Absorbed:
+    """A mechanism this data can't see: what share of its signature is left, and what it would do to the tissue."""
+
+    mechanism: Mechanism
+    values: dict[str, float]
+    share_left: float
+    shift_percent: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Everything a report says, before it is put into words.
+
+    ``alternatives`` gives for each chosen mechanism the names of those that this data can't tell from it.
+    """
+
+    intake: Intake
+    problem: Problem
+    noise: NoiseModel
+    named: Named
+    alternatives: tuple[tuple[str, ...], ...]
+    absorbed: tuple[Absorbed, ...]
+    position: PositionFinding | None
+    confirmed: HeldOut
+    confirmed_condition: HeldOut | None
+
+    @property
+    def baseline(self) -> JointFit:
+        """The fit of the baseline simulation."""
+        return self.named.fits[0]
+
+    @property
+    def improved(self) -> JointFit:
+        """The fit with everything that was named."""
+        return self.named.fits[-1]
+
+
+def quiet_residuals(problem: Problem, fit: JointFit) -> list[FloatArray]:
+    """Return full-rate residuals of stretches at rest, from which the noise is measured."""
+    found = []
+    for j, t in enumerate(problem.trials):
+        r = problem.full_residual(fit, j)
+        at = np.repeat(np.arange(len(t.counts)), t.counts.astype(np.int64))
+        at = at[np.repeat(t.fitted, t.counts.astype(np.int64))]
+        settle = round(0.3 * t.sample_rate_hz)
+        for name in ("dwell", "hold", "clear", "sweep"):
+            part = r[t.in_phase(name)[at]]
+            skip = 0 if name == "sweep" else min(settle, len(part) // 3)
+            if len(part) - skip >= 64:
+                found.append(part[skip:])
+    return found or [problem.full_residual(fit, j) for j in range(len(problem.trials))]
+
+
+def first_noise(trials: Sequence[CellTrial]) -> float:
+    """Return the white noise (mN) of single samples, from differences of neighbours."""
+    spread = [np.median(np.abs(np.diff(t.full_force_mn))) / 0.6745 / np.sqrt(2.0) for t in trials]
+    peak = max(float(np.ptp(t.full_force_mn)) for t in trials)
+    return max(float(np.median(spread)), 1e-6 * peak)
+
+
+def weighed(trials: Sequence[CellTrial], noise: NoiseModel) -> Problem:
+    """Return the problem with its cells weighed by a noise model."""
+    return Problem(tuple(trials), tuple(Whitener(t, noise) for t in trials), noise.white_mn)
+
+
+def diagnose(intake: Intake, *, baseline: str = "ramp", seed: int = 0) -> Diagnosis:
+    """Diagnose trials: locate, name, model and confirm what the baseline simulation leaves out."""
+    rng = np.random.default_rng(seed)
+    trials = intake.trials
+    step = baseline == "step"
+    simulation = Simulation(start_tissue(trials), rigid_stiffness=start_rigid(trials), ideal_step=step)
+    problem = weighed(trials, NoiseModel(first_noise(trials)))
+    fit = problem.fit(simulation, start_own(trials), rounds=25)
+    noise = measure_noise(quiet_residuals(problem, fit), trials[0].sample_rate_hz)
+    problem = weighed(trials, noise)
+    fit = problem.fit(fit.simulation, fit.own)
+    ramp = _finite_ramp(problem, fit, rng) if step else None
+    named = search(problem, fit if ramp is None else ramp.fit, rng)
+    if named.chosen:
+        # large effects had been taken for noise: measure it again without them, and search again
+        noise = measure_noise(quiet_residuals(problem, named.fits[-1]), trials[0].sample_rate_hz)
+        problem = weighed(trials, noise)
+        fit = problem.fit(fit.simulation, fit.own)
+        if ramp is not None:
+            ramp = _finite_ramp(problem, fit, rng)
+        named = search(problem, fit if ramp is None else ramp.fit, rng)
+    if ramp is not None:
+        named = replace(
+            named,
+            fits=(fit, *named.fits),
+            chosen=(ramp, *named.chosen),
+            considered=((ramp,), *named.considered),
+        )
+    named = drop_needless(problem, named)
+    alternatives = tuple(find_alternatives(problem, named, k) for k in range(len(named.chosen)))
+    confirmed, by_condition = held_out(problem, named.fits[0], named.fits[-1], rng)
+    return Diagnosis(
+        intake=intake,
+        problem=problem,
+        noise=noise,
+        named=named,
+        alternatives=alternatives,
+        absorbed=find_absorbed(problem, named.fits[-1]),
+        position=look_at_position(trials, rng),
+        confirmed=confirmed,
+        confirmed_condition=by_condition,
+    )
+
+
+def _finite_ramp(problem: Problem, fit: JointFit, rng: np.random.Generator) -> Candidate | None:
+    """Return the ramp undone as a candidate, if it explains the hold better than the step does."""
+    # a first simulation of the ramp from the step's tissue: the lost fast force is what the fit has to find
+    refitted = problem.fit(replace(fit.simulation, ideal_step=False), fit.own, rounds=25)
+    gain = fit.heldout_cost - refitted.heldout_cost
+    signs = rng.integers(0, 2, size=(4999, len(gain))) * 2.0 - 1.0
+    p_value = float((1 + np.sum(signs @ gain >= gain.sum() - 1e-12)) / 5000)
+    if gain.sum() <= 0 or (p_value > LEVEL and len(gain) >= 8):
+        return None
+    marked = replace(refitted, simulation=replace(refitted.simulation, additions=(Addition(FiniteRamp(), {}),)))
+    return Candidate(FiniteRamp(), marked, gain, p_value)
+
+
+def drop_needless(problem: Problem, named: Named) -> Named:
+    """Take out each mechanism that the others make needless."""
+    if len(named.chosen) < 2:
+        return named
+    final = named.fits[-1]
+    for k, candidate in enumerate(named.chosen[:-1]):
+        if candidate.mechanism.form == "ramp":
+            continue
+        kept = tuple(a for a in final.simulation.additions if a.mechanism.name != candidate.mechanism.name)
+        without = problem.fit(replace(final.simulation, additions=kept), final.own, rounds=8)
+        gain = float((without.heldout_cost - final.heldout_cost).sum())
+        spread = float(np.std(without.heldout_cost - final.heldout_cost) * np.sqrt(len(final.cost)))
+        if gain < 2.0 * spread and gain < 0.1 * candidate.total_gain:
+            chosen = named.chosen[:k] + named.chosen[k + 1 :]
+            return drop_needless(problem, replace(named, chosen=chosen, fits=(*named.fits[:-1], without)))
+    return named
+
+
+def find_alternatives(problem: Problem, named: Named, k: int) -> tuple[str, ...]:
+    """Return the mechanisms that explain the part of the k-th chosen one as well, as far as this data tells."""
+    chosen = named.chosen[k]
+    mechanism = chosen.mechanism
+    if mechanism.form == "ramp":
+        return ()
+    final = named.fits[-1]
+    present = {a.mechanism.name for a in final.simulation.additions}
+    found = [n for n in mechanism.inseparable if n not in present]
+    if mechanism.form != "law":
+        return tuple(found)
+    kept = tuple(a for a in final.simulation.additions if a.mechanism.name != mechanism.name)
+    without = problem.fit(replace(final.simulation, additions=kept), final.own, rounds=6)
+    gain = without.heldout_cost - final.heldout_cost
+    # whoever was considered at that step, best first; their refits tell how far they come
+    step = next((c for c in named.considered if any(x.mechanism.name == mechanism.name for x in c)), ())
+    rivals = [c for c in step if c.mechanism.name not in present and c.mechanism.form == "law"]
+    worth = [c for c in rivals if c.total_gain > 0.5 * chosen.total_gain][:ALTERNATIVES_TRIED]
+    for rival in worth:
+        addition = rival.fit.simulation.additions[-1]
+        probe = Probe(rival.mechanism, addition.values)
+        refitted = refit_with(problem, without, probe, 1.0, rounds=8)
+        other = without.heldout_cost - refitted.heldout_cost
+        behind = gain - other
+        spread = float(np.std(behind) * np.sqrt(len(behind)))
+        if rival.mechanism.name not in found and float(behind.sum()) < max(
+            2.5 * spread, SAME_GAIN * float(gain.sum())
+        ):
+            found.append(rival.mechanism.name)
+    return tuple(found)
+
+
+def find_absorbed(problem: Problem, fit: JointFit) -> tuple[Absorbed, ...]:
+    """Return the laws whose effect the fitted parameters can imitate so well that these trials can't show it."""
+    present = {a.mechanism.name for a in fit.simulation.additions}
+    probes = [
+        Probe(m, {**m.null, **m.typical})
+        for m in library().values()
+        if m.form == "law" and m.typical and m.name not in present and any(m.applies(t) for t in problem.trials)
+    ]
+    if not probes:
+        return ()
+    signatures = accumulate(problem.trials, problem.whiteners, fit, probes)
+    names = [p.name for p in fit.simulation.parameters(problem.trials)]
+    found = []
+    for k, probe in enumerate(probes):
+        raw, left = float(signatures.raw_norm[k]), float(signatures.norm[k])
+        if raw < HIDDEN_STRENGTH:
+            continue
+        if left > ABSORBED_SHARE * raw and left > HIDDEN_STRENGTH:
+            continue
+        if left > 5 * HIDDEN_STRENGTH:
+            continue
+        shift = {n: 100.0 * float(np.expm1(signatures.absorbed[i, k])) for i, n in enumerate(names[:5])}
+        found.append(Absorbed(probe.mechanism, dict(probe.values), left / raw, shift))
+    return tuple(found)

@@ -1,0 +1,142 @@
+"""Events with a time of their own in every trial: the punch slips, the finger moves once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import erfc
+
+from analysis.mismatch.joint import Addition, JointFit, linearise, project_out
+from analysis.mismatch.noise import Whitener
+from analysis.mismatch.surface_motion import in_contact, surface_force
+from analysis.simulation.cells import CellTrial
+from analysis.simulation.forward import PerTrial
+from analysis.simulation.mechanism import Mechanism, Tissue, library
+
+FloatArray = NDArray[np.float64]
+
+STEP_S = 0.02
+EDGE_S = 0.06
+RISE_S = 0.0015
+SHARE_OF_TRIALS = 0.5
+
+
+@dataclass(frozen=True)
+class EventScan:
+    """Standardised scores of a step at each time: one array (times,) a trial; positive is the law's own sign."""
+
+    mechanism: Mechanism
+    times_s: tuple[FloatArray, ...]
+    scores: tuple[FloatArray, ...]
+
+    def strongest(self) -> tuple[FloatArray, FloatArray]:
+        """Return the score of largest size (T,) and its time (T,) in each trial (0, 0 where nothing was scanned)."""
+        best, at = np.zeros(len(self.scores)), np.zeros(len(self.scores))
+        for j, (t, s) in enumerate(zip(self.times_s, self.scores, strict=True)):
+            if len(s):
+                k = int(np.argmax(np.abs(s)))
+                best[j], at[j] = s[k], t[k]
+        return best, at
+
+    def asymmetry(self) -> FloatArray:
+        """Return max(score) - max(-score) of each trial (T,): symmetric about 0 without an event of known sign."""
+        return np.array([float(s.max() - (-s).max()) if len(s) else 0.0 for s in self.scores])
+
+
+def event_mechanisms() -> list[Mechanism]:
+    """Return the library's events."""
+    return [m for m in library().values() if m.form == "event"]
+
+
+def event_rows(mechanism: Mechanism, trial: CellTrial, tissue: Tissue, own: PerTrial, times_s: FloatArray) -> FloatArray:
+    """Return the force (m, n) of a unit event at each time: 1 mN lost (slip) or 1 um of shift (artefact)."""
+    after = np.clip((trial.time_s - times_s[:, None]) / RISE_S + 0.5, 0.0, 1.0)
+    if mechanism.stage == "contact":
+        touching = in_contact(trial, own)
+        lasting = touching | (trial.retracting & (trial.force_mn - own.offset_mn > 1.0))
+        return -after * lasting
+    return surface_force(trial, tissue, own, 1e-3 * after)
+
+
+def scan_events(
+    mechanism: Mechanism, trials: Sequence[CellTrial], whiteners: Sequence[Whitener], fit: JointFit
+) -> EventScan:
+    """Score a step at every 20 ms of the hold (slip) or of all contact (artefact)."""
+    all_times, all_scores = [], []
+    for j, (trial, whitener) in enumerate(zip(trials, whiteners, strict=True)):
+        own, tissue = fit.own[j], fit.simulation.tissue
+        window = trial.in_phase("hold")
+        if mechanism.stage != "contact":
+            window = window | trial.in_phase("dwell")
+        window &= in_contact(trial, own) & trial.fitted
+        if trial.kind in ("air_sweep", "rigid_target") or window.sum() < 20:
+            all_times.append(np.zeros(0))
+            all_scores.append(np.zeros(0))
+            continue
+        t = trial.time_s[window]
+        times = np.arange(t[0] + EDGE_S, t[-1] - EDGE_S, STEP_S)
+        times = times[np.abs(times - np.interp(times, t, t)) < STEP_S]
+        columns = event_rows(mechanism, trial, tissue, own, times).T
+        latent = fit.simulation.latent_columns(trial, own)
+        line = linearise(trial, whitener, fit.simulation, own, trials, latent, fit.latents[j])
+        # an event in one trial bends the shared parameters for all: here each trial may have its own
+        left, _ = project_out(
+            np.column_stack([line.A, line.J]), np.column_stack([line.r, whitener(columns)])
+        )
+        r, C = left[:, 0], left[:, 1:]
+        norm = np.maximum(np.linalg.norm(C, axis=0), 1e-12)
+        all_times.append(times)
+        all_scores.append((C.T @ r) / norm)
+    return EventScan(mechanism, tuple(all_times), tuple(all_scores))
+
+
+def event_p_value(scan: EventScan) -> float:
+    """Return the chance that the strongest step of any trial is noise.
+
+    Scores are measured in units of their robust spread in the median trial, and the tail is taken a fifth wider
+    than Gaussian, so that correlated noise does not pass for an event.
+    """
+    scanned = [s for s in scan.scores if len(s) >= 10]
+    if not scanned:
+        return 1.0
+    # most trials are taken to be without an event: the median trial tells how wide the scores of noise are
+    spread = max(1.0, float(np.median([np.median(np.abs(s - np.median(s))) for s in scanned])) / 0.6745)
+    strongest = max(float(np.max(np.abs(s))) for s in scanned) / spread
+    looks = sum(len(s) for s in scanned)
+    return float(min(1.0, looks * erfc(strongest / 1.2 / np.sqrt(2.0))))
+
+
+def event_addition(mechanism: Mechanism, times_s: Mapping[str, float]) -> Addition:
+    """Return an event of free size at its own time in each trial named in ``times_s`` (by label)."""
+
+    def latent(trial: CellTrial, tissue: Tissue, own: PerTrial) -> FloatArray:
+        at = times_s.get(trial.label)
+        if at is None:
+            return np.zeros((len(trial.time_s), 0))
+        return event_rows(mechanism, trial, tissue, own, np.array([at])).T
+
+    median = float(np.median(list(times_s.values())))
+    return Addition(mechanism, {**mechanism.null, "time_s": median}, latent)
+
+
+def refine_time(
+    mechanism: Mechanism,
+    trials: Sequence[CellTrial],
+    whitener: Whitener,
+    fit: JointFit,
+    index: int,
+    about_s: float,
+) -> float:
+    """Return the time of an event to the millisecond, by a finer scan about a first estimate."""
+    trial = trials[index]
+    latent = fit.simulation.latent_columns(trial, fit.own[index])
+    times = about_s + np.arange(-STEP_S, STEP_S + 5e-4, 1e-3)
+    own, tissue = fit.own[index], fit.simulation.tissue
+    columns = whitener(event_rows(mechanism, trial, tissue, own, times).T)
+    line = linearise(trial, whitener, fit.simulation, own, trials, latent, fit.latents[index])
+    left, _ = project_out(np.column_stack([line.A, line.J]), np.column_stack([line.r, columns]))
+    gain = (left[:, 1:].T @ left[:, 0]) ** 2 / np.maximum((left[:, 1:] ** 2).sum(axis=0), 1e-12)
+    return float(times[int(np.argmax(gain))])

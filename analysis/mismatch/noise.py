@@ -1,0 +1,117 @@
+"""The noise of a force channel, and how to weigh cells by it.
+
+The noise model only decides how well evidence is gathered; no significance rests on it (that is left to
+sign-flips over trials).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from celerite2 import driver, terms
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+from scipy.signal import welch
+
+from analysis.simulation.cells import CellTrial
+
+FloatArray = NDArray[np.float64]
+
+CORRELATION_TIMES_S = (4e-4, 1.6e-3, 6.4e-3, 0.0256, 0.1024, 0.41)
+SEGMENT_S = 1.6
+
+
+@dataclass(frozen=True, slots=True)
+class NoiseModel:
+    """White noise of ``white_mn`` rms a sample, plus Ornstein-Uhlenbeck parts (variance mN^2, time s)."""
+
+    white_mn: float
+    parts: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def rms_mn(self) -> float:
+        """Rms of a single sample, mN."""
+        return float(np.sqrt(self.white_mn**2 + sum(v for v, _ in self.parts)))
+
+
+class Whitener:
+    """Turns columns over one trial's cells into columns whose noise is white with unit variance.
+
+    The covariance of the cells is diagonal plus a sum of exponentials; its Cholesky factor is applied in
+    linear time (Foreman-Mackey et al., Astron. J. 154:220, 2017, as in `celerite2`).
+    """
+
+    def __init__(self, trial: CellTrial, noise: NoiseModel) -> None:
+        use = trial.fitted
+        self._use = use
+        self._t = np.ascontiguousarray(trial.time_s[use])
+        counts = trial.counts[use]
+        width_s = counts / trial.sample_rate_hz
+        if not noise.parts:
+            self._scale = np.sqrt(counts) / noise.white_mn
+            self._factor = None
+            return
+        diagonal = noise.white_mn**2 / counts
+        shrink = np.zeros_like(diagonal)
+        kernel = None
+        for variance, tau_s in noise.parts:
+            # averaging over a cell leaves less of a quick part: var(mean) = 2 v (u - 1 + e^-u) / u^2
+            u = width_s / tau_s
+            mean_variance = np.where(u > 1e-3, 2 * variance * (u + np.expm1(-u)) / np.maximum(u, 1e-3) ** 2, variance)
+            quick = u > 1.0
+            shrink += np.where(quick, mean_variance - variance, 0.0)
+            term = terms.RealTerm(a=variance, c=1.0 / tau_s)
+            kernel = term if kernel is None else kernel + term
+        # a part quicker than the cell is white from cell to cell; celerite's own share of it is taken back
+        diagonal = np.maximum(diagonal + shrink, 1e-3 * diagonal)
+        c, a, U, V = kernel.get_celerite_matrices(self._t, diagonal)
+        d, W = driver.factor(self._t, c, a.copy(), U, V, np.empty_like(a), np.empty_like(V))
+        if np.any(d <= 0):
+            raise FloatingPointError("noise covariance is not positive")
+        self._factor = (c, U, W)
+        self._scale = 1.0 / np.sqrt(d)
+
+    def __call__(self, columns: FloatArray) -> FloatArray:
+        """Return the columns (n,) or (n, m) over the fitted cells, whitened."""
+        part = columns[self._use]
+        flat = part.ndim == 1
+        y = np.ascontiguousarray(part[:, None] if flat else part)
+        if self._factor is not None:
+            c, U, W = self._factor
+            y = driver.solve_lower(self._t, c, U, W, y, np.empty_like(y))
+        y = y * self._scale[:, None]
+        return y[:, 0] if flat else y
+
+
+def measure_noise(residuals: Sequence[FloatArray], sample_rate_hz: float) -> NoiseModel:
+    """Return the noise model that fits the power spectrum of quiet stretches of residual (each (n_i,), mN).
+
+    The spectrum's median over logarithmic bands is fitted, so that single lines (hum, pulse) do not count
+    as noise.
+    """
+    length = min(round(SEGMENT_S * sample_rate_hz), max(16, min(len(r) for r in residuals)))
+    spectra = [welch(r, sample_rate_hz, nperseg=length, detrend="linear")[1] for r in residuals if len(r) >= length]
+    frequency = np.fft.rfftfreq(length, 1.0 / sample_rate_hz)
+    power = np.mean(spectra, axis=0)
+    edges = np.unique(np.round(np.geomspace(1.5, len(frequency) - 1, 40)).astype(int))
+    bands = [slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True) if b > a]
+    # the median of the mean of k exponentials lies below its mean; k segments are enough to ignore that
+    p = np.array([np.median(power[b]) for b in bands])
+    f = np.array([np.mean(frequency[b]) for b in bands])
+    p = np.maximum(p, 1e-12 * p.max())
+    taus = [t for t in CORRELATION_TIMES_S if t > 2.0 / sample_rate_hz]
+    shapes = [np.full_like(f, 2.0 / sample_rate_hz)]
+    shapes += [4.0 * t / (1.0 + (2 * np.pi * f * t) ** 2) for t in taus]
+    basis = np.column_stack(shapes)
+    weight = 1.0 / p
+    share = np.zeros(basis.shape[1])
+    for _ in range(6):
+        share, _ = nnls(basis * weight[:, None], p * weight)
+        weight = 1.0 / np.maximum(basis @ share, 1e-3 * p)
+    white = max(float(share[0]), 1e-3 * float(np.median(p)) * sample_rate_hz / 2.0)
+    parts = tuple(
+        (float(v), t) for v, t in zip(share[1:], taus, strict=True) if 4.0 * v * t > 0.3 * 2.0 * white / sample_rate_hz
+    )
+    return NoiseModel(float(np.sqrt(white)), parts)

@@ -1,0 +1,182 @@
+"""Oscillations with a phase of their own in every trial: hum, pulse, breath, tremor.
+
+Both quadratures are scored; the power at a frequency is judged against its neighbours on both sides, so that no
+noise model decides what is much. The cube root makes a power nearly symmetric, as sign-flips want it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2 as chi2_distribution
+
+from analysis.mismatch.joint import Addition, JointFit, project_out
+from analysis.mismatch.noise import Whitener
+from analysis.mismatch.surface_motion import surface_force
+from analysis.simulation.cells import CellTrial
+from analysis.simulation.forward import PerTrial
+from analysis.simulation.mechanism import Mechanism, Tissue, library
+
+FloatArray = NDArray[np.float64]
+
+BAND_RATIO = 1.05
+WIDEST_KNOT_S = 2.5
+HUM_HALF_WIDTH_HZ = 0.6
+LINE_LEVEL = 1e-4
+
+
+@dataclass(frozen=True)
+class Band:
+    """Where an oscillation is looked for and what it does to the force."""
+
+    mechanism: str
+    lower_hz: float
+    upper_hz: float
+
+
+def bands() -> list[Band]:
+    """Return the bands of the library's oscillations of the specimen."""
+    found = []
+    for m in library().values():
+        if m.form == "oscillation" and m.stage == "specimen":
+            f = m.parameter("frequency_hz")
+            found.append(Band(m.name, f.lower, f.upper))
+    return found
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Power of both quadratures, (T, F), at frequencies (F,), in units of what noise is expected to have."""
+
+    frequency_hz: FloatArray
+    power: FloatArray
+
+
+def surface_spectrum(
+    trials: Sequence[CellTrial], whiteners: Sequence[Whitener], fit: JointFit, frequency_hz: FloatArray
+) -> Spectrum:
+    """Return how much of each trial's residual a movement of the surface at each frequency explains.
+
+    A trial without contact has power 1 (no evidence).
+    """
+    power = np.ones((len(trials), len(frequency_hz)))
+    for j, (trial, whitener) in enumerate(zip(trials, whiteners, strict=True)):
+        if trial.kind in ("air_sweep", "rigid_target"):
+            continue
+        own, tissue = fit.own[j], fit.simulation.tissue
+        phase = 2 * np.pi * frequency_hz[:, None] * trial.time_s
+        rows = np.concatenate([np.cos(phase), np.sin(phase)])
+        columns = whitener(surface_force(trial, tissue, own, rows).T)
+        latent = fit.simulation.latent_columns(trial, own)
+        residual = trial.force_mn - fit.simulation.force_mn(trial, own) - latent @ fit.latents[j]
+        one = np.ones_like(residual)
+        shift = surface_force(trial, tissue, own, one[None])[0]
+        A = whitener(np.column_stack([one, shift]))
+        left, _ = project_out(A, np.column_stack([whitener(residual), columns]))
+        r, C = left[:, 0], left[:, 1:]
+        m = len(frequency_hz)
+        cc = np.einsum("nf,nf->f", C[:, :m], C[:, :m])
+        ss = np.einsum("nf,nf->f", C[:, m:], C[:, m:])
+        cs = np.einsum("nf,nf->f", C[:, :m], C[:, m:])
+        bc, bs = C[:, :m].T @ r, C[:, m:].T @ r
+        determinant = np.maximum(cc * ss - cs**2, 1e-9 * (cc * ss) + 1e-30)
+        power[j] = (ss * bc**2 - 2 * cs * bc * bs + cc * bs**2) / determinant / 2.0
+    return Spectrum(frequency_hz, power)
+
+
+def oscillation_scores(spectrum: Spectrum) -> FloatArray:
+    """Return scores (T, F): cube-rooted power less that of the neighbours on both sides (logarithmic)."""
+    root = np.cbrt(spectrum.power)
+    f = np.log(spectrum.frequency_hz)
+    scores = np.zeros_like(root)
+    for k in range(len(f)):
+        away = f - f[k]
+        below = (away < -0.10) & (away > -0.7)
+        above = (away > 0.10) & (away < 0.7)
+        if below.any() and above.any():
+            scores[:, k] = root[:, k] - 0.5 * (root[:, below].mean(axis=1) + root[:, above].mean(axis=1))
+    return scores
+
+
+def scan_frequencies() -> FloatArray:
+    """Return the frequencies of the scan: logarithmic, from half below the breath to above the tremor."""
+    return np.geomspace(0.08, 26.0, 210)
+
+
+def surface_addition(mechanism: Mechanism, frequencies_hz: dict[str, float], harmonics: int, knot_s: float) -> Addition:
+    """Return the oscillation as an addition with free phase, its amplitude free to wander over ``knot_s``.
+
+    ``frequencies_hz`` gives each trial's own frequency by label.
+    """
+
+    def latent(trial: CellTrial, tissue: Tissue, own: PerTrial) -> FloatArray:
+        f = frequencies_hz.get(trial.label)
+        if f is None or trial.kind in ("air_sweep", "rigid_target"):
+            return np.zeros((len(trial.time_s), 0))
+        rows = []
+        hats = hat_functions(trial, own, knot_s)
+        for h in range(1, harmonics + 1):
+            phase = 2 * np.pi * h * f * trial.time_s
+            rows += [wave * hat for hat in hats for wave in (np.cos(phase), np.sin(phase))]
+        return surface_force(trial, tissue, own, 1e-3 * np.array(rows)).T
+
+    median = float(np.median(list(frequencies_hz.values())))
+    return Addition(mechanism, {"amplitude_um": 0.0, "frequency_hz": median}, latent)
+
+
+def hat_functions(trial: CellTrial, own: PerTrial, knot_s: float) -> FloatArray:
+    """Return hat functions (m, n) that add up to one over the time in contact, knots ``knot_s`` apart."""
+    t = trial.time_s
+    touching = t[trial.position_mm > own.z0_mm]
+    if not touching.size or not np.isfinite(knot_s):
+        return np.ones((1, len(t)))
+    first, last = float(touching[0]), float(touching[-1])
+    knots = np.linspace(first, last, max(2, 1 + round((last - first) / knot_s)))
+    return np.array([np.interp(t, knots, row) for row in np.eye(len(knots))])
+
+
+def line_power(residual_mn: FloatArray, sample_rate_hz: float, grid_hz: FloatArray) -> FloatArray:
+    """Return a residual's power (F,) at frequencies, relative to the median around each (exponential noise: 1)."""
+    n = 2 ** int(np.ceil(np.log2(2 * len(residual_mn))))
+    power = np.abs(np.fft.rfft(residual_mn - residual_mn.mean(), n)) ** 2
+    frequency = np.fft.rfftfreq(n, 1.0 / sample_rate_hz)
+    width = max(3, round(3.0 / (frequency[1] - frequency[0])))
+    at = np.searchsorted(frequency, grid_hz).clip(0, len(frequency) - 1)
+    out = np.empty(len(grid_hz))
+    for k, i in enumerate(at):
+        around = power[max(1, i - width) : i + width]
+        out[k] = power[i] / (np.median(around) / np.log(2.0))
+    return out
+
+
+def mains_lines(sample_rate_hz: float) -> FloatArray:
+    """Return the frequencies (F,) at which hum is looked for: 50 and 60 Hz and harmonics, and a little beside."""
+    centres = sorted({base * h for base in (50.0, 60.0) for h in range(1, 9) if base * h <= 400.0})
+    beside = np.linspace(-HUM_HALF_WIDTH_HZ, HUM_HALF_WIDTH_HZ, 25)
+    grid = np.concatenate([c + beside * (c / 50.0) ** 0.5 for c in centres])
+    return grid[grid < 0.45 * sample_rate_hz]
+
+
+def line_p_value(power: FloatArray, looks: int) -> FloatArray:
+    """Return for each frequency the chance (F,) that n trials' summed line power (T, F) is noise, of ``looks``."""
+    total = power.sum(axis=0)
+    return np.minimum(1.0, looks * chi2_distribution.sf(2.0 * total, 2 * len(power)))
+
+
+def hum_addition(mechanism: Mechanism, frequency_hz: float) -> Addition:
+    """Return hum at one frequency with free phase and size in every trial, contact or not."""
+
+    def latent(trial: CellTrial, tissue: Tissue, own: PerTrial) -> FloatArray:
+        phase = 2 * np.pi * frequency_hz * trial.time_s
+        # a cell is an average: it sees sin(pi f T) / (pi f T) of the sine
+        share = np.sinc(frequency_hz * trial.counts / trial.sample_rate_hz)
+        return np.column_stack([np.cos(phase) * share, np.sin(phase) * share])
+
+    def wave(time_s: FloatArray) -> FloatArray:
+        phase = 2 * np.pi * frequency_hz * time_s
+        return np.column_stack([np.cos(phase), np.sin(phase)])
+
+    return Addition(mechanism, {"amplitude_mn": 0.0, "frequency_hz": frequency_hz}, latent, wave)

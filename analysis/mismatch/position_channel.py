@@ -1,0 +1,97 @@
+"""The first residual channel: position given command. What is wrong here is the lever's doing, not the tissue's."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.mismatch.joint import project_out
+from analysis.mismatch.profiles import OUTSIDE, bins_of
+from analysis.mismatch.signatures import BLOCK_CELLS, FEW_TRIALS
+from analysis.mismatch.signflip import flip_test
+from analysis.simulation.cells import CellTrial
+
+FloatArray = NDArray[np.float64]
+
+SMALLEST_MM = 5e-4
+SERVO_EXPLAINS = 0.7
+
+
+@dataclass(frozen=True)
+class PositionFinding:
+    """What position given command says.
+
+    ``p_value`` of the servo's signature; ``explained`` share of the repeatable position mismatch that another servo
+    takes away; ``noise_mm`` rms of a sample; ``profile_mm`` (B,) mean residual by bin and ``bin_p`` its p-values;
+    ``standard_errors`` of ln(natural frequency) and ln(damping ratio).
+    """
+
+    p_value: float
+    explained: float
+    noise_mm: float
+    profile_mm: FloatArray
+    bin_p: FloatArray
+    standard_errors: tuple[float, float]
+    strength: float
+
+    @property
+    def unknown_bins(self) -> NDArray[np.int64]:
+        """Bins whose residual is significant and larger than half a micrometre."""
+        return np.flatnonzero((np.abs(self.profile_mm) > SMALLEST_MM) & (self.bin_p < 0.008))
+
+
+def look_at_position(trials: Sequence[CellTrial], rng: np.random.Generator) -> PositionFinding | None:
+    """Compare recorded position with the nominal servo's answer to the command; None without commands.
+
+    Each trial may have its own offset and gain between command and position (calibration).
+    """
+    used = [t for t in trials if t.has_command]
+    if not used:
+        return None
+    noise_mm = float(
+        np.median([np.median(np.abs(np.diff(t.servo_residual_mm[t.counts == 1]))) for t in used if (t.counts == 1).sum() > 10])
+    ) / 0.6745 / np.sqrt(2.0)
+    noise_mm = max(noise_mm, 1e-6)
+    scores, by_bin, grams, means, counts, gains = [], [], [], [], [], []
+    for t in used:
+        weight = np.sqrt(t.counts) / noise_mm
+        x = t.command_mm - t.command_mm.mean()
+        A = np.column_stack([np.ones_like(x), x]) * weight[:, None]
+        stacked = np.column_stack([t.servo_residual_mm, t.servo_signature_mm]) * weight[:, None]
+        left, _ = project_out(A, stacked)
+        r, G = left[:, 0], left[:, 1:]
+        bins = bins_of(t, t.z0_start_mm)
+        blocks = max(1, len(r) // BLOCK_CELLS) if len(used) < FEW_TRIALS else 1
+        for part in np.array_split(np.arange(len(r)), blocks):
+            scores.append(G[part].T @ r[part])
+            by_bin.append(np.bincount(bins[part], weights=r[part], minlength=OUTSIDE + 1)[:OUTSIDE])
+        grams.append(G.T @ G)
+        gains.append(float(r @ r) - len(r))
+        means.append(np.bincount(bins, weights=r / weight * t.counts, minlength=OUTSIDE + 1)[:OUTSIDE])
+        counts.append(np.bincount(bins, weights=t.counts, minlength=OUTSIDE + 1)[:OUTSIDE])
+    gram = np.sum(grams, axis=0)
+    total = np.sum(scores, axis=0)
+    # both directions of the servo's two parameters, made orthogonal to each other
+    values, vectors = np.linalg.eigh(gram)
+    keep = values > 1e-9 * max(float(values.max()), 1e-30)
+    turned = np.array(scores) @ vectors[:, keep]
+    flips = np.hstack([turned, np.array(by_bin)])
+    p_values = flip_test(flips, np.zeros(flips.shape[1], dtype=bool), rng).p_value
+    m = int(keep.sum())
+    inverse = np.linalg.pinv(gram, rcond=1e-9, hermitian=True)
+    gain = float(total @ inverse @ total)
+    excess = max(float(np.sum(gains)), gain, 1e-9)
+    all_counts = np.maximum(np.sum(counts, axis=0), 1.0)
+    errors = np.sqrt(np.maximum(np.diag(inverse), 0.0))
+    return PositionFinding(
+        p_value=float(p_values[:m].min()) if m else 1.0,
+        explained=gain / excess,
+        noise_mm=noise_mm,
+        profile_mm=np.sum(means, axis=0) / all_counts,
+        bin_p=p_values[m:],
+        standard_errors=(float(errors[0]), float(errors[1])),
+        strength=float(np.sqrt(max(gain, 0.0))),
+    )

@@ -1,0 +1,384 @@
+"""Name what was left out: significant candidates are fitted for real, the best held-out gain is added, and again."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.mismatch.events import (
+    event_addition,
+    event_mechanisms,
+    EventScan,
+    event_p_value,
+    refine_time,
+    scan_events,
+)
+from analysis.mismatch.joint import Addition, JointFit, Simulation, fit_jointly
+from analysis.mismatch.noise import Whitener
+from analysis.mismatch.oscillations import (
+    Spectrum,
+    bands,
+    hum_addition,
+    line_p_value,
+    line_power,
+    mains_lines,
+    oscillation_scores,
+    scan_frequencies,
+    surface_addition,
+    surface_spectrum,
+)
+from analysis.mismatch.profiles import OUTSIDE, profile, repeatable_energy
+from analysis.mismatch.signatures import FEW_TRIALS, Probe, Signatures, accumulate
+from analysis.mismatch.signflip import flip_test
+from analysis.simulation.cells import CellTrial
+from analysis.simulation.forward import PerTrial
+from analysis.simulation.mechanism import Mechanism, library
+
+FloatArray = NDArray[np.float64]
+
+LEVEL = 0.008
+STRICT_LEVEL = 5e-4
+REFITTED = 7
+WORTH_REFITTING = 0.08
+MOST_MECHANISMS = 4
+SHARE_EXPLAINED = 0.35
+SMALL_SHARE = 0.10
+SMALL_MUST_EXPLAIN = 0.80
+EVENT_SCORE = 4.5
+
+
+@dataclass(frozen=True)
+class Problem:
+    """The trials to be explained, with the weights of their cells."""
+
+    trials: tuple[CellTrial, ...]
+    whiteners: tuple[Whitener, ...]
+    white_mn: float
+
+    def fit(self, simulation: Simulation, own: Sequence[PerTrial], rounds: int = 12) -> JointFit:
+        """Fit a simulation to the trials."""
+        return fit_jointly(self.trials, self.whiteners, simulation, own, rounds=rounds)
+
+    def residual(self, fit: JointFit, j: int) -> FloatArray:
+        """Return what a fit leaves of one trial's cells, (n,), mN."""
+        t, o = self.trials[j], fit.own[j]
+        return t.force_mn - fit.simulation.force_mn(t, o) - fit.simulation.latent_columns(t, o) @ fit.latents[j]
+
+    def residuals(self, fit: JointFit) -> list[FloatArray]:
+        """Return what a fit leaves of every trial's cells, mN."""
+        return [self.residual(fit, j) for j in range(len(self.trials))]
+
+    def full_residual(self, fit: JointFit, j: int) -> FloatArray:
+        """Return what a fit leaves of the compared samples of one trial at full rate, mN."""
+        t = self.trials[j]
+        smooth = t.force_mn - self.residual(fit, j)
+        time_s = np.arange(len(t.full_force_mn)) / t.sample_rate_hz
+        fast = np.zeros(len(time_s))
+        at = 0
+        for a in fit.simulation.additions:
+            if a.latent is None:
+                continue
+            columns = a.latent(t, fit.simulation.tissue, fit.own[j])
+            part = fit.latents[j][at : at + columns.shape[1]]
+            at += columns.shape[1]
+            if a.wave is not None:
+                smooth = smooth - columns @ part
+                fast += a.wave(time_s) @ part
+        residual = t.full_force_mn - np.interp(time_s, t.time_s, smooth) - fast
+        return np.asarray(residual[np.repeat(t.fitted, t.counts.astype(np.int64))])
+
+    def repeatable(self, fit: JointFit) -> FloatArray:
+        """Return the repeatable energy of a fit's residual by bin, (B,), in units of white-noise chi2."""
+        p = profile(self.trials, self.residuals(fit), [o.z0_mm for o in fit.own])
+        return repeatable_energy(p.standardised(self.white_mn), p.conditions)
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A mechanism fitted beside what was there: its fit and the held-out gain of each trial (T,)."""
+
+    mechanism: Mechanism
+    fit: JointFit
+    gain: FloatArray
+    p_value: float
+
+    @property
+    def total_gain(self) -> float:
+        """Held-out gain over all trials, in units of chi2."""
+        return float(self.gain.sum())
+
+
+@dataclass(frozen=True)
+class Look:
+    """One look at a fit's residual: what is significant in it, before anything is named.
+
+    ``bin_p`` (2, B): p-values of the residual's bins, plain and with depth; ``p_of`` the p-value of each
+    mechanism; ``best`` its best probes.
+    """
+
+    signatures: Signatures
+    p_of: dict[str, float]
+    best: dict[str, list[tuple[float, Probe, float]]]
+    bin_p: FloatArray
+    spectrum: Spectrum | None
+    spectrum_p: FloatArray
+    scans: tuple[EventScan, ...]
+    critical: float
+
+    @property
+    def quiet(self) -> bool:
+        """Whether nothing at all is significant."""
+        return min([1.0, *self.p_of.values()]) > LEVEL and float(self.bin_p.min()) > LEVEL
+
+
+def law_probes(trials: Sequence[CellTrial], present: Sequence[str]) -> list[Probe]:
+    """Return the probes of every law of the library that is not in the simulation yet."""
+    peak = max(float(t.force_mn.max() - t.offset_start_mn) for t in trials)
+    return [
+        Probe(m, values)
+        for m in library().values()
+        if m.form == "law" and m.name not in present and any(m.applies(t) for t in trials)
+        for values in m.probe_settings(peak)
+    ]
+
+
+def start_values(probe: Probe, amplitude: float) -> dict[str, float]:
+    """Return a probe's values with its amplitude scaled by what the linear estimate says."""
+    m = probe.mechanism
+    parameter = m.parameter(m.amplitude)
+    values = dict(probe.values)
+    null, at = m.null[m.amplitude], values[m.amplitude]
+    if parameter.scale == "linear":
+        wanted = null + amplitude * (at - null)
+        values[m.amplitude] = min(max(wanted, parameter.lower), parameter.upper)
+    elif parameter.scale == "inverse_square":
+        values[m.amplitude] = parameter.from_fit(parameter.to_fit(at) * max(amplitude, 0.02))
+    return values
+
+
+def best_probes(signatures: Signatures, keep: int = 2) -> dict[str, list[tuple[float, Probe, float]]]:
+    """Return for each mechanism its best probes: (linear gain, probe, amplitude in units of the probe)."""
+    total = signatures.trial_scores.sum(axis=0)
+    power = np.diag(signatures.gram)
+    found: dict[str, list[tuple[float, Probe, float]]] = {}
+    for k, probe in enumerate(signatures.probes):
+        if power[k] <= (1e-4 * signatures.raw_norm[k]) ** 2:
+            continue
+        amplitude = float(total[k] / power[k])
+        if probe.mechanism.one_sided and amplitude <= 0:
+            continue
+        found.setdefault(probe.mechanism.name, []).append((float(total[k] ** 2 / power[k]), probe, amplitude))
+    return {name: sorted(items, key=lambda i: -i[0])[:keep] for name, items in found.items()}
+
+
+def look(problem: Problem, fit: JointFit, rng: np.random.Generator) -> Look:
+    """Score every law, window, frequency and event against a fit's residual, tested together."""
+    present = [a.mechanism.name for a in fit.simulation.additions]
+    probes = law_probes(problem.trials, present)
+    signatures = accumulate(problem.trials, problem.whiteners, fit, probes)
+    # a signature that the baseline absorbs but for rounding has no score worth the name
+    seen = signatures.norm > 1e-4 * np.maximum(signatures.raw_norm, 1e-12)
+    blocks = [signatures.scores * seen, signatures.bin_scores]
+    sided = [np.array([p.mechanism.one_sided for p in probes], dtype=bool), np.zeros(2 * OUTSIDE, dtype=bool)]
+    spectrum = None
+    many = len(problem.trials) >= FEW_TRIALS
+    skin = any(t.kind not in ("air_sweep", "rigid_target") for t in problem.trials)
+    if many and skin:
+        spectrum = surface_spectrum(problem.trials, problem.whiteners, fit, scan_frequencies())
+        blocks.append(oscillation_scores(spectrum))
+        sided.append(np.ones(len(spectrum.frequency_hz), dtype=bool))
+    scans = ()
+    if skin:
+        absent = [m for m in event_mechanisms() if m.name not in present]
+        scans = tuple(scan_events(m, problem.trials, problem.whiteners, fit) for m in absent)
+    signed = [s for s in scans if s.mechanism.one_sided and many]
+    for scan in signed:
+        blocks.append(scan.asymmetry()[:, None])
+        sided.append(np.ones(1, dtype=bool))
+    test = flip_test(np.hstack(blocks), np.concatenate(sided), rng, LEVEL)
+    p_of: dict[str, float] = {}
+    for probe, p in zip(probes, test.p_value, strict=False):
+        p_of[probe.mechanism.name] = min(p_of.get(probe.mechanism.name, 1.0), float(p))
+    m = len(probes)
+    bin_p = test.p_value[m : m + 2 * OUTSIDE].reshape(2, OUTSIDE)
+    spectrum_p = test.p_value[m + 2 * OUTSIDE : len(test.p_value) - len(signed)]
+    for scan in scans:
+        p_of[scan.mechanism.name] = strict(event_p_value(scan))
+    for scan, p in zip(signed, test.p_value[len(test.p_value) - len(signed) :], strict=True):
+        p_of[scan.mechanism.name] = min(p_of[scan.mechanism.name], float(p))
+    if spectrum is not None:
+        for band in bands():
+            inside = (spectrum.frequency_hz >= band.lower_hz) & (spectrum.frequency_hz <= band.upper_hz)
+            if band.mechanism not in present:
+                p_of[band.mechanism] = float(spectrum_p[inside].min())
+    return Look(signatures, p_of, best_probes(signatures), bin_p, spectrum, spectrum_p, scans, test.critical)
+
+
+def refit_with(problem: Problem, fit: JointFit, probe: Probe, amplitude: float, rounds: int = 10) -> JointFit:
+    """Fit the simulation with one more law, started at the linear estimate."""
+    addition = Addition(probe.mechanism, start_values(probe, amplitude))
+    return refit_added(problem, fit, addition, rounds)
+
+
+def refit_added(problem: Problem, fit: JointFit, addition: Addition, rounds: int = 10) -> JointFit:
+    """Fit the simulation with one more addition."""
+    simulation = replace(fit.simulation, additions=(*fit.simulation.additions, addition))
+    return problem.fit(simulation, fit.own, rounds=rounds)
+
+
+def law_candidates(problem: Problem, fit: JointFit, seen: Look) -> list[Candidate]:
+    """Return the significant laws, refitted."""
+    best = seen.best
+    significant = sorted((n for n in best if seen.p_of.get(n, 1.0) <= LEVEL), key=lambda n: -best[n][0][0])
+    if not significant:
+        return []
+    worth = WORTH_REFITTING * best[significant[0]][0][0]
+    found = []
+    for name in [n for n in significant if best[n][0][0] >= worth][:REFITTED]:
+        _, probe, amplitude = best[name][0]
+        refitted = refit_with(problem, fit, probe, amplitude)
+        found.append(Candidate(probe.mechanism, refitted, fit.heldout_cost - refitted.heldout_cost, seen.p_of[name]))
+    return found
+
+
+def surface_candidates(problem: Problem, fit: JointFit, seen: Look, to_beat: float) -> list[Candidate]:
+    """Return the significant oscillations of the specimen, refitted with each trial's own frequency.
+
+    Bands whose whole power is far below ``to_beat``, the gain of a law, are not worth a fit.
+    """
+    if seen.spectrum is None:
+        return []
+    found = []
+    f, power = seen.spectrum.frequency_hz, seen.spectrum.power
+    for band in bands():
+        if seen.p_of.get(band.mechanism, 1.0) > LEVEL:
+            continue
+        inside = (f >= band.lower_hz) & (f <= band.upper_hz)
+        if 4.0 * float(power[:, inside].max(axis=1).sum()) < 0.5 * to_beat:
+            continue
+        centre = float(f[inside][int(np.argmax(power[:, inside].sum(axis=0)))])
+        near = inside & (np.abs(np.log(f / centre)) < 0.2)
+        own_hz = {
+            t.label: float(f[near][int(np.argmax(row[near]))])
+            for t, row in zip(problem.trials, power, strict=True)
+        }
+        shapes = [(1, np.inf), (3, np.inf), (1, 3.0 / centre), (3, 2.5 / centre), (1, 1.5 / centre)]
+        options = []
+        for harmonics, knot_s in shapes:
+            addition = surface_addition(library()[band.mechanism], own_hz, harmonics, knot_s)
+            refitted = refit_added(problem, fit, addition, rounds=3)
+            options.append(_latent_candidate(library()[band.mechanism], fit, refitted, seen.p_of[band.mechanism]))
+        found.append(max(options, key=lambda c: c.total_gain))
+    return found
+
+
+def _latent_candidate(mechanism: Mechanism, fit: JointFit, refitted: JointFit, p_value: float) -> Candidate:
+    """Make a candidate whose gain is charged 2 for every coefficient that each trial was free to choose."""
+    more = np.array([len(b) - len(a) for a, b in zip(fit.latents, refitted.latents, strict=True)])
+    return Candidate(mechanism, refitted, fit.heldout_cost - refitted.heldout_cost - 2.0 * more, p_value)
+
+
+def hum_candidate(problem: Problem, fit: JointFit) -> Candidate | None:
+    """Return hum of the mains, if any line stands out of its neighbourhood over all trials."""
+    if any(a.mechanism.name == "mains_hum" for a in fit.simulation.additions):
+        return None
+    rate = problem.trials[0].sample_rate_hz
+    grid = mains_lines(rate)
+    if not len(grid):
+        return None
+    power = np.array(
+        [line_power(problem.full_residual(fit, j), rate, grid) for j in range(len(problem.trials))]
+    )
+    p = line_p_value(power, len(grid))
+    k = int(np.argmin(p))
+    if strict(float(p[k])) > LEVEL:
+        return None
+    k = int(np.argmax(power.sum(axis=0)))
+    refitted = refit_added(problem, fit, hum_addition(library()["mains_hum"], float(grid[k])), rounds=3)
+    return _latent_candidate(library()["mains_hum"], fit, refitted, float(max(p[k], 1e-12)))
+
+
+def strict(p_value: float) -> float:
+    """Return a p-value that trusts noise to be near Gaussian, raised so that only a strict one counts as significant."""
+    return min(1.0, p_value * LEVEL / STRICT_LEVEL)
+
+
+def event_candidates(problem: Problem, fit: JointFit, seen: Look) -> list[Candidate]:
+    """Return the events that stand out of their own trials, refitted at each trial's own time."""
+    found = []
+    for scan in seen.scans:
+        mechanism, p = scan.mechanism, seen.p_of[scan.mechanism.name]
+        if p > LEVEL:
+            continue
+        score, at = scan.strongest()
+        times = {}
+        for j, trial in enumerate(problem.trials):
+            wanted = score[j] >= EVENT_SCORE if mechanism.one_sided else abs(score[j]) >= EVENT_SCORE
+            if wanted:
+                times[trial.label] = refine_time(
+                    mechanism, problem.trials, problem.whiteners[j], fit, j, float(at[j])
+                )
+        if not times:
+            continue
+        refitted = refit_added(problem, fit, event_addition(mechanism, times), rounds=4)
+        found.append(_latent_candidate(mechanism, fit, refitted, p))
+    return found
+
+
+def candidates(problem: Problem, fit: JointFit, seen: Look) -> list[Candidate]:
+    """Return everything that is significant in a fit's residual, refitted, best held-out gain first."""
+    found = law_candidates(problem, fit, seen) + event_candidates(problem, fit, seen)
+    found += surface_candidates(problem, fit, seen, max((c.total_gain for c in found), default=0.0))
+    hum = hum_candidate(problem, fit)
+    if hum is not None:
+        found.append(hum)
+    return sorted((c for c in found if c.total_gain > 0), key=lambda c: -c.total_gain)
+
+
+@dataclass(frozen=True)
+class Named:
+    """What the search arrived at: fits from the baseline on, and what was considered at each step."""
+
+    fits: tuple[JointFit, ...]
+    chosen: tuple[Candidate, ...]
+    considered: tuple[tuple[Candidate, ...], ...]
+    first_look: Look
+    last_look: Look
+
+
+def search(problem: Problem, baseline: JointFit, rng: np.random.Generator) -> Named:
+    """Add mechanisms while they are significant and explain enough of what repeats; at most four."""
+    fits, chosen, considered = [baseline], [], []
+    first = seen = look(problem, baseline, rng)
+    explained = 0.0
+    while len(chosen) < MOST_MECHANISMS:
+        found = candidates(problem, fits[-1], seen)
+        considered.append(tuple(found))
+        if not found:
+            break
+        best = found[0]
+        if not _worth_naming(problem, fits[-1], best, explained):
+            break
+        chosen.append(best)
+        fits.append(best.fit)
+        explained += best.total_gain
+        seen = look(problem, best.fit, rng)
+    return Named(tuple(fits), tuple(chosen), tuple(considered), first, seen)
+
+
+def _worth_naming(problem: Problem, fit: JointFit, best: Candidate, explained: float) -> bool:
+    """Judge whether a mechanism explains enough of what is left, the more the smaller it is beside the others.
+
+    A rough law's remainder can look like a little of anything; only what takes most of it away earns a name.
+    """
+    if best.mechanism.form != "law":
+        return best.total_gain > 0.02 * explained
+    energy = problem.repeatable(fit)
+    left = max(float(energy.sum()), 0.0)
+    slack = 2.0 * np.sqrt(2.0 * len(energy))
+    share = best.total_gain / (explained + max(best.total_gain, left))
+    needed = SHARE_EXPLAINED if share > SMALL_SHARE else SMALL_MUST_EXPLAIN
+    return best.total_gain + slack >= needed * left

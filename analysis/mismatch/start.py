@@ -1,0 +1,63 @@
+"""Where a joint fit begins: relaxation times by search, stiffnesses by non-negative least squares."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+
+import numpy as np
+from scipy.optimize import nnls
+
+from analysis.errors import BadInputError
+from analysis.relaxation.response import arm_response
+from analysis.simulation.cells import CellTrial
+from analysis.simulation.forward import RIGID_STIFFNESS_MN_PER_MM, PerTrial, indentation
+from analysis.simulation.mechanism import Tissue
+
+TRIALS_USED = 6
+
+
+def start_tissue(trials: Sequence[CellTrial]) -> Tissue:
+    """Return a first tissue for trials on skin; raises BadInputError where nothing resists the punch."""
+    skin = [t for t in trials if t.kind not in ("air_sweep", "rigid_target")][:TRIALS_USED]
+    if not skin:
+        return Tissue(120.0, 44.0, 2.3, 35.0, 0.15)
+    longest = max(float(t.time_s[-1] - t.time_s[0]) for t in skin)
+    taus = np.geomspace(longest / 2000.0, longest, 9)
+    depths = [indentation(t.position_mm, t.z0_start_mm, t) for t in skin]
+    weights = [np.sqrt(t.counts) * (t.fitted & ~t.retracting) for t in skin]
+    y = np.concatenate([(t.force_mn - t.offset_start_mn) * w for t, w in zip(skin, weights, strict=True)])
+    elastic = np.concatenate([d * w for d, w in zip(depths, weights, strict=True)])
+    arms = [
+        np.concatenate(
+            [arm_response(d, t.time_s, float(tau)) * w for t, d, w in zip(skin, depths, weights, strict=True)]
+        )
+        for tau in taus
+    ]
+    everything = np.column_stack([elastic, *arms])
+    gram, projected = everything.T @ everything, everything.T @ y
+    best, found = np.inf, None
+    for i, j in combinations(range(len(taus)), 2):
+        pick = [0, 1 + i, 1 + j]
+        G = gram[np.ix_(pick, pick)]
+        L = np.linalg.cholesky(G + 1e-9 * np.trace(G) * np.eye(3))
+        k, _ = nnls(L.T, np.linalg.solve(L, projected[pick]))
+        cost = float(k @ G @ k - 2 * k @ projected[pick])
+        if cost < best:
+            best, found = cost, (k, taus[j], taus[i])
+    if found is None or not np.any(found[0] > 0):
+        raise BadInputError("no trial shows a force that grows with depth: nothing to compare a simulation with")
+    k, long_s, short_s = found
+    floor = 1e-3 * float(np.max(k))
+    return Tissue(max(k[0], floor), max(k[2], floor), float(long_s), max(k[1], floor), float(short_s))
+
+
+def start_own(trials: Sequence[CellTrial]) -> list[PerTrial]:
+    """Return first contact points and offsets."""
+    return [PerTrial(t.z0_start_mm, t.offset_start_mn) for t in trials]
+
+
+def start_rigid(trials: Sequence[CellTrial]) -> float:
+    """Return a first stiffness of the stiff block (mN/mm)."""
+    stated = [t.target_stiffness_mn_per_mm for t in trials if t.target_stiffness_mn_per_mm]
+    return stated[0] if stated else 3.0 * RIGID_STIFFNESS_MN_PER_MM

@@ -1,0 +1,32 @@
+"""How force answers when the skin itself moves: the tissue's answer to a small movement of its surface."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.relaxation.response import arm_response
+from analysis.simulation.cells import CellTrial
+from analysis.simulation.forward import PerTrial, indentation
+from analysis.simulation.mechanism import Tissue
+
+FloatArray = NDArray[np.float64]
+TOUCHING_MM = 5e-3
+
+
+def in_contact(trial: CellTrial, own: PerTrial) -> NDArray[np.bool_]:
+    """Return the mask (n,) of cells in which the punch presses the skin, the last of the retract left out."""
+    deep = indentation(trial.position_mm, own.z0_mm, trial) > TOUCHING_MM
+    return deep & ~trial.retracting
+
+
+def surface_force(trial: CellTrial, tissue: Tissue, own: PerTrial, rows_mm: FloatArray) -> FloatArray:
+    """Return the force (m, n) that movements of the surface towards the arm (m, n), mm, make while in contact."""
+    inside = in_contact(trial, own)
+    w = rows_mm * inside
+    force = (
+        tissue.k0 * w
+        + tissue.k1 * arm_response(w, trial.time_s, tissue.tau1)
+        + tissue.k2 * arm_response(w, trial.time_s, tissue.tau2)
+    )
+    return np.asarray(force * inside)

@@ -1,0 +1,211 @@
+"""A trial reduced to cells: averages over few samples where things happen and over many where little does.
+
+A hold of 7 s at 8 kHz needs no 56,000 points to be compared with a model that moves by microns in it. Cells are
+single samples around kinks, 1 ms in motion and 8 ms at rest; averages keep all of the white noise's information.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.recordings.trial import PHASE_NAMES, Trial
+from analysis.simulation.motion import Motion
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+FINE_S = 0.012
+MEDIUM_S = 0.06
+MEDIUM_CELL_S = 0.001
+MOVING_CELL_S = 0.002
+REST_CELL_S = 0.008
+LARGEST_STEP_MM = 0.0025
+MOVING_MM_S = 0.05
+TRAVEL_MIDDLE_MM = 5.0
+
+
+@dataclass(frozen=True)
+class CellTrial:
+    """One trial in n cells; every other array is (n,).
+
+    ``full_force_mn`` (N,) keeps every sample of the force. ``time_s`` is the cells' centres, counted from the first sample; ``counts`` the samples in each;
+    ``position_mm``, ``velocity_mm_s``, ``acceleration_mm_s2`` the smoothed motion; ``force_mn`` and
+    ``servo_residual_mm`` (recorded position less the nominal servo's) plain averages of what was recorded;
+    ``servo_signature_mm`` (n, 2) the change of the servo's position by ln(natural frequency) and ln(damping); ``phase`` indexes PHASE_NAMES (-1: none).
+    ``previous_depth_mm`` and ``rest_s`` speak of the indentation before this one (None: there was none).
+    """
+
+    label: str
+    kind: str
+    condition: str
+    order: int
+    sample_rate_hz: float
+    starts: IntArray
+    counts: FloatArray
+    full_force_mn: NDArray[np.float32]
+    time_s: FloatArray
+    position_mm: FloatArray
+    velocity_mm_s: FloatArray
+    acceleration_mm_s2: FloatArray
+    command_mm: FloatArray
+    force_mn: FloatArray
+    servo_residual_mm: FloatArray
+    servo_signature_mm: FloatArray
+    phase: IntArray
+    z0_start_mm: float
+    offset_start_mn: float
+    depth_mm: float
+    has_command: bool
+    rest_s: float | None = None
+    previous_depth_mm: float | None = None
+    target_stiffness_mn_per_mm: float | None = None
+    fitted: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
+
+    @property
+    def touches(self) -> bool:
+        """Whether anything is below the arm in this trial."""
+        return self.kind != "air_sweep"
+
+    def in_phase(self, name: str) -> NDArray[np.bool_]:
+        """Mask (n,) of the cells of a phase."""
+        return self.phase == PHASE_NAMES.index(name)
+
+    @cached_property
+    def angle_travel_mm(self) -> FloatArray:
+        """Lever coordinate counted from the middle of travel, where the angle is zero, (n,), mm."""
+        return self.position_mm - TRAVEL_MIDDLE_MM
+
+    @cached_property
+    def hold_window_s(self) -> tuple[float, float]:
+        """First and last time of the hold; (0, 0) without one."""
+        t = self.time_s[self.in_phase("hold")]
+        return (float(t[0]), float(t[-1])) if t.size else (0.0, 0.0)
+
+    @cached_property
+    def retracting(self) -> NDArray[np.bool_]:
+        """Mask (n,) of the cells from the retract on."""
+        mask = self.in_phase("retract") | self.in_phase("clear")
+        return mask
+
+
+def _cell_starts(trial: Trial, motion: Motion, z0_mm: float) -> IntArray:
+    """Cut the samples into cells; return the first sample of each."""
+    rate, n = trial.sample_rate_hz, trial.n_samples
+    speed = np.abs(motion.velocity_mm_s)
+    length = np.full(n, max(1, round(REST_CELL_S * rate)), dtype=np.int64)
+    length[speed > MOVING_MM_S] = max(1, round(MOVING_CELL_S * rate))
+    allowed = np.maximum(1, np.floor(LARGEST_STEP_MM * rate / np.maximum(speed, 1e-9)))
+    near_skin = motion.position_mm > z0_mm - 0.1
+    quick = near_skin & (speed > MOVING_MM_S)
+    length[quick] = np.minimum(length[quick], np.minimum(allowed[quick], 1e6).astype(np.int64))
+    for reach_s, cell_s in ((MEDIUM_S, MEDIUM_CELL_S), (FINE_S, 0.0)):
+        reach, cell = max(1, round(reach_s * rate)), max(1, round(cell_s * rate))
+        for k in motion.kinks:
+            part = slice(max(0, k - reach // 2), k + reach)
+            length[part] = np.minimum(length[part], cell)
+    length = 2 ** np.floor(np.log2(length)).astype(np.int64)  # few distinct lengths: few stretches
+    edges = [0, *(np.flatnonzero(np.diff(length)) + 1).tolist(), n]
+    pieces = [np.arange(a, b, length[a], dtype=np.int64) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    return np.concatenate(pieces)
+
+
+def find_contact(trial: Trial, motion: Motion) -> tuple[float, float]:
+    """Return a first estimate of contact position (mm) and force offset (mN).
+
+    The offset is the median force before contact, or after it is lost; contact is where the smoothed force
+    first leaves the offset for good, carried back along the slope behind it.
+    """
+    force, x, rate = trial.force_mn, motion.position_mm, trial.sample_rate_hz
+    clear = trial.phase("clear")
+    ramp = trial.phase("ramp")
+    approach = trial.phase("approach")
+    if clear is not None and clear.stop - clear.start >= 5:
+        part = force[clear.samples]
+        offset = float(np.median(part[len(part) // 2 :]))
+    elif approach is not None:
+        offset = float(np.median(force[approach.start : approach.start + max(3, (approach.stop - approach.start) // 5)]))
+    else:
+        offset = float(np.median(force[: max(3, min(len(force) // 50, round(0.05 * rate)))]))
+    if trial.kind == "air_sweep":
+        return float(x.max()) + 1.0, float(np.median(force))
+    stop = ramp.stop if ramp is not None else int(np.argmax(force)) + 1
+    w = max(1, round(0.004 * rate))
+    padded = np.concatenate([np.full(w, force[0]), force[:stop]])
+    total = np.cumsum(padded)
+    smooth = (total[w:] - total[:-w])[:stop] / w
+    peak = float(smooth.max()) - offset
+    level = max(0.02 * peak, 6.0 * float(np.std(force[: max(8, stop // 20)] - smooth[: max(8, stop // 20)])) / np.sqrt(w))
+    below = np.flatnonzero(smooth - offset < level)
+    first = int(below[-1]) if below.size else 0
+    twice = np.flatnonzero(smooth[first:] - offset > 3 * level)
+    second = first + (int(twice[0]) if twice.size else 0)
+    rise, way = smooth[second] - smooth[first], x[second] - x[first]
+    back = (smooth[first] - offset) * way / rise if rise > 0 and way > 0 else 0.0
+    return float(x[first] - max(0.0, min(back, 0.2))), offset
+
+
+def condition_of(trial: Trial) -> str:
+    """Return the name of a trial's condition: same kind, depth, speed and hold."""
+    p = trial.protocol
+    parts: list[str] = [trial.kind]
+    for value, unit in ((p.depth_mm, "mm"), (p.ramp_speed_mm_s, "mm/s"), (p.hold_s, "s")):
+        if value is not None:
+            parts.append(f"{value:.4g} {unit}")
+    return " ".join(parts)
+
+
+def reduce_trial(
+    trial: Trial,
+    motion: Motion,
+    *,
+    order: int = 0,
+    previous_depth_mm: float | None = None,
+    hold_only: bool = False,
+) -> CellTrial:
+    """Reduce a trial to cells; ``hold_only`` marks nothing but the hold as to be fitted (step baseline)."""
+    z0_mm, offset_mn = find_contact(trial, motion)
+    starts = _cell_starts(trial, motion, z0_mm)
+    counts = np.diff(np.append(starts, trial.n_samples)).astype(np.float64)
+
+    def mean(signal: FloatArray) -> FloatArray:
+        return np.add.reduceat(signal, starts) / counts
+
+    phase = np.full(trial.n_samples, -1, dtype=np.int64)
+    for p in trial.phases:
+        phase[p.samples] = PHASE_NAMES.index(p.name)
+    cell_phase = phase[starts]
+    fitted = cell_phase == PHASE_NAMES.index("hold") if hold_only else np.ones(len(starts), dtype=bool)
+    command = trial.command_mm
+    hold = trial.phase("hold")
+    reached = float(np.median(motion.position_mm[hold.samples])) if hold is not None else float(motion.position_mm.max())
+    return CellTrial(
+        label=trial.path or trial.trial_id,
+        kind=trial.kind,
+        condition=condition_of(trial),
+        order=order,
+        sample_rate_hz=trial.sample_rate_hz,
+        starts=starts,
+        counts=counts,
+        full_force_mn=trial.force_mn.astype(np.float32),
+        time_s=(starts + (counts - 1) / 2) / trial.sample_rate_hz,
+        position_mm=mean(motion.position_mm),
+        velocity_mm_s=mean(motion.velocity_mm_s),
+        acceleration_mm_s2=mean(motion.acceleration_mm_s2),
+        command_mm=mean(command) if command is not None else mean(motion.position_mm),
+        force_mn=mean(trial.force_mn),
+        servo_residual_mm=mean(motion.servo_residual_mm),
+        servo_signature_mm=np.column_stack([mean(c) for c in motion.servo_signature_mm.T]),
+        phase=cell_phase,
+        z0_start_mm=z0_mm,
+        offset_start_mn=offset_mn,
+        depth_mm=reached - z0_mm,
+        has_command=command is not None,
+        rest_s=trial.specimen.rest_s,
+        previous_depth_mm=previous_depth_mm,
+        target_stiffness_mn_per_mm=trial.specimen.target_stiffness_mn_per_mm,
+        fitted=fitted,
+    )

@@ -1,0 +1,139 @@
+"""The forward model of a trial: recorded motion -> tip -> contact -> tissue -> sensor -> force."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.simulation.cells import CellTrial
+from analysis.simulation.mechanism import Mechanism, Tissue, Values
+from analysis.relaxation.response import arm_response
+
+FloatArray = NDArray[np.float64]
+
+COMPLIANCE_ROUNDS = 6
+RIGID_STIFFNESS_MN_PER_MM = 1.0e4
+
+
+@dataclass(frozen=True, slots=True)
+class PerTrial:
+    """What belongs to one trial: contact point (mm), force offset (mN)."""
+
+    z0_mm: float
+    offset_mn: float
+
+
+def indentation(position_mm: FloatArray, z0_mm: FloatArray | float, trial: CellTrial) -> FloatArray:
+    """Return max(z - z0, 0) averaged over each cell, (n,), mm.
+
+    Within a cell the tip moves linearly by 2w: the mean of the kinked law is (m + w)^2 / (4 w) where the
+    contact point lies inside; so the model stays smooth in z0 however coarse the cells are.
+    """
+    m = position_mm - z0_mm
+    w = 0.5 * np.abs(trial.velocity_mm_s) * trial.counts / trial.sample_rate_hz + 1e-9
+    return np.where(m >= w, m, np.where(m <= -w, 0.0, (m + w) ** 2 / (4.0 * w)))
+
+
+def simulate_force(
+    trial: CellTrial,
+    tissue: Tissue,
+    own: PerTrial,
+    added: Sequence[tuple[Mechanism, Values]] = (),
+    *,
+    rigid_stiffness: float = RIGID_STIFFNESS_MN_PER_MM,
+    surface_mm: FloatArray | float = 0.0,
+    drop_mn: FloatArray | float = 0.0,
+    ideal_step: bool = False,
+) -> FloatArray:
+    """Return the recorded force (n,) of a trial in mN.
+
+    ``added`` are mechanisms with their parameters. ``surface_mm`` (a movement of the skin towards the arm)
+    and ``drop_mn`` (lost while in contact) carry what has its own time or phase in every trial.
+    ``ideal_step``: the textbook simplification, in which the indentation of the hold was reached at once at
+    the end of the ramp.
+    """
+    added = [(m, p) for m, p in added if m.applies(trial)]
+    if not trial.touches:
+        contact = np.zeros_like(trial.time_s)
+    else:
+        surface: FloatArray | float = surface_mm
+        for m, p in added:
+            surface = surface + m.surface_mm(trial, p)
+        z0 = own.z0_mm - surface
+        x = trial.position_mm
+        hold_start = int(np.argmax(trial.in_phase("hold"))) if ideal_step else 0
+        if ideal_step:
+            x = np.where(np.arange(len(x)) < hold_start, own.z0_mm, x)
+        rounds = COMPLIANCE_ROUNDS if any(m.needs_force for m, _ in added) else 1
+        contact = np.zeros_like(x)
+        for _ in range(rounds):
+            tip = x
+            for m, p in added:
+                tip = m.tip_mm(trial, tip, contact, p)
+            new = _contact_force(trial, tip, z0, tissue, added, rigid_stiffness, ideal_step)
+            contact = new if rounds == 1 else _relaxed(contact, new, trial, tissue, added, rigid_stiffness)
+        contact = contact - drop_mn * (contact > 0.0)
+    force = contact
+    for m, p in sorted(added, key=lambda item: item[0].sensor_rank):
+        force = m.sensor_force_mn(trial, force, p)
+    return force + own.offset_mn
+
+
+def _relaxed(
+    old: FloatArray,
+    new: FloatArray,
+    trial: CellTrial,
+    tissue: Tissue,
+    added: Sequence[tuple[Mechanism, Values]],
+    rigid_stiffness: float,
+) -> FloatArray:
+    """Take a fixed-point step damped so that it converges for any stiffness times compliance."""
+    probe = np.ones_like(old)
+    slope = 0.0
+    for m, p in added:
+        if m.needs_force:
+            slope += float(np.mean(m.tip_mm(trial, np.zeros_like(old), probe, p)))
+    stiffness = rigid_stiffness if trial.kind == "rigid_target" else tissue.k0 + tissue.k1 + tissue.k2
+    return old + (new - old) / (1.0 - slope * stiffness)
+
+
+def _contact_force(
+    trial: CellTrial,
+    tip: FloatArray,
+    z0: FloatArray | float,
+    tissue: Tissue,
+    added: Sequence[tuple[Mechanism, Values]],
+    rigid_stiffness: float,
+    ideal_step: bool,
+) -> FloatArray:
+    depth = indentation(tip, z0, trial)
+    if trial.kind == "rigid_target":
+        stiffness = trial.target_stiffness_mn_per_mm or rigid_stiffness
+        return stiffness * depth
+    for m, p in added:
+        depth = m.indentation_mm(trial, depth, p)
+    t = trial.time_s
+    if ideal_step:
+        t = t.copy()
+        first = int(np.argmax(trial.in_phase("hold")))
+        if first > 0:  # the step happens at the hold's first instant, however coarse the cells before it are
+            t[:first] = t[first] - 1e-9 * np.arange(first, 0, -1)
+    free = (
+        tissue.k0 * depth
+        + tissue.k1 * arm_response(depth, t, tissue.tau1)
+        + tissue.k2 * arm_response(depth, t, tissue.tau2)
+    )
+    for m, p in added:
+        free = free + m.tissue_force_mn(trial, depth, tissue, p)
+    touching = np.maximum(free, 0.0)
+    for m, p in added:
+        touching = m.contact_force_mn(trial, free, touching, p)
+    return touching
+
+
+def values_of(mechanism: Mechanism, fitted: Mapping[str, float]) -> Values:
+    """Return a mechanism's parameters with the null for whatever is not given."""
+    return {**mechanism.null, **fitted}

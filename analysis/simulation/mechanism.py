@@ -1,0 +1,159 @@
+"""What a mechanism is: a law that changes one stage of the simulated trial, and the words for it."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.simulation.cells import CellTrial
+
+FloatArray = NDArray[np.float64]
+Values = Mapping[str, float]
+Stage = Literal["lever", "contact", "tissue", "sensor", "specimen"]
+Form = Literal["law", "oscillation", "event", "servo", "ramp"]
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A mechanism's parameter: name with unit, bounds, and the scale on which it is fitted.
+
+    An ``inner`` parameter gives a law the play that real effects need; it is fitted, but not part of the
+    library's contract and not reported.
+    """
+
+    name: str
+    unit: str
+    lower: float
+    upper: float
+    scale: Literal["linear", "log", "inverse_square"] = "linear"
+    inner: bool = False
+
+    def to_fit(self, value: float) -> float:
+        """Return the value on the scale of the fit."""
+        if self.scale == "log":
+            return float(np.log(value))
+        return 1e3 / value**2 if self.scale == "inverse_square" else value
+
+    def from_fit(self, fitted: float) -> float:
+        """Return the value from the scale of the fit, kept within the bounds."""
+        if self.scale == "log":
+            value = float(np.exp(min(fitted, 700.0)))
+        elif self.scale == "inverse_square":
+            value = float(np.sqrt(1e3 / max(fitted, 1e-9)))
+        else:
+            value = fitted
+        return min(max(value, self.lower), self.upper)
+
+    def derivative(self, value: float) -> float:
+        """Return d(value)/d(fitted) at a value, for carrying standard errors back."""
+        if self.scale == "log":
+            return value
+        return -0.5 * value**3 / 1e3 if self.scale == "inverse_square" else 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Tissue:
+    """The Maxwell-Weichert solid: k0 and two arms, tau1 the longer; mN/mm and s."""
+
+    k0: float
+    k1: float
+    tau1: float
+    k2: float
+    tau2: float
+
+
+class Mechanism:
+    """A mechanism of the library; a subclass sets the words and overrides the stages it changes.
+
+    Every method gets the trial, the present value of what it changes, and its own parameters by name, and
+    returns the changed value. ``null`` are the parameters at which the mechanism is absent; ``probes`` the
+    settings at which its signature is taken (several where its shape depends on them). ``amplitude`` names the
+    parameter that scales the effect: it is what a report says the size of.
+
+    ``inseparable`` names mechanisms of the same shape to the eye of any one experiment of this kind; they are listed
+    as alternatives however well one of the two laws fits. ``separated_by`` says what tells them apart.
+
+    ``form`` tells how its unknowns are found: a ``law`` shares all parameters over trials, an ``oscillation``
+    has a phase of its own in every trial, an ``event`` a time (and maybe size) of its own in every trial, the
+    ``servo`` is seen in the position, the ``ramp`` is the step of the textbook baseline undone.
+    """
+
+    name: ClassVar[str]
+    stage: ClassVar[Stage]
+    form: ClassVar[Form] = "law"
+    parameters: ClassVar[tuple[Parameter, ...]] = ()
+    amplitude: ClassVar[str] = ""
+    null: ClassVar[Values] = {}
+    probes: ClassVar[tuple[Values, ...]] = ()
+    typical: ClassVar[Values] = {}
+    one_sided: ClassVar[bool] = True
+    needs_contact: ClassVar[bool] = True
+    in_air: ClassVar[bool] = False
+    sensor_rank: ClassVar[int] = 0
+    words: ClassVar[str] = ""
+    source: ClassVar[str] = ""
+    separated_by: ClassVar[str] = ""
+    inseparable: ClassVar[tuple[str, ...]] = ()
+
+    def surface_mm(self, trial: CellTrial, p: Values) -> FloatArray | float:
+        """How far the surface has moved towards the arm, (n,), mm."""
+        return 0.0
+
+    def tip_mm(self, trial: CellTrial, tip_mm: FloatArray, force_mn: FloatArray, p: Values) -> FloatArray:
+        """Where the tip is, given the arm's position so far and the force on it."""
+        return tip_mm
+
+    def indentation_mm(self, trial: CellTrial, depth_mm: FloatArray, p: Values) -> FloatArray:
+        """The indentation that the tissue's law answers to."""
+        return depth_mm
+
+    def tissue_force_mn(self, trial: CellTrial, depth_mm: FloatArray, tissue: Tissue, p: Values) -> FloatArray | float:
+        """Force that the tissue adds, before contact is judged."""
+        return 0.0
+
+    def contact_force_mn(
+        self, trial: CellTrial, free_force_mn: FloatArray, contact_force_mn: FloatArray, p: Values
+    ) -> FloatArray:
+        """The force across the contact, given what the tissue would do if it stuck, and what it does so far."""
+        return contact_force_mn
+
+    def sensor_force_mn(self, trial: CellTrial, force_mn: FloatArray, p: Values) -> FloatArray:
+        """The force that is recorded."""
+        return force_mn
+
+    def probe_settings(self, peak_force_mn: float) -> tuple[Values, ...]:
+        """Return the settings at which the signature is taken, given the largest force recorded."""
+        return self.probes
+
+    @property
+    def needs_force(self) -> bool:
+        """Whether the tip's position depends on the force (a compliant lever)."""
+        return False
+
+    def applies(self, trial: CellTrial) -> bool:
+        """Whether the mechanism could show in this trial at all."""
+        return trial.touches or not self.needs_contact
+
+    def parameter(self, name: str) -> Parameter:
+        """Return the parameter of that name."""
+        return next(p for p in self.parameters if p.name == name)
+
+
+@cache
+def library() -> dict[str, Mechanism]:
+    """Return every mechanism of the library by name, found by listing the folder `mechanisms`."""
+    package = importlib.import_module("analysis.simulation.mechanisms")
+    found: dict[str, Mechanism] = {}
+    for info in pkgutil.iter_modules(package.__path__):
+        module = importlib.import_module(f"{package.__name__}.{info.name}")
+        for item in vars(module).values():
+            if isinstance(item, type) and issubclass(item, Mechanism) and item.__module__ == module.__name__:
+                found[item.name] = item()
+    return found

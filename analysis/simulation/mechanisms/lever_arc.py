@@ -1,0 +1,32 @@
+"""The tip moves on an arc, not on a line."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Values
+from analysis.simulation.cells import CellTrial
+
+
+class LeverArc(Mechanism):
+    """Normal travel R sin(x/R); the recorded force is torque / R = F cos(x/R). Angle zero at mid travel."""
+
+    name = "lever_arc"
+    stage = "lever"
+    parameters = (Parameter("radius_mm", "mm", 5.0, 1.0e4, "inverse_square"),)
+    amplitude = "radius_mm"
+    null = {"radius_mm": 1.0e4}
+    probes = ({"radius_mm": 60.0},)
+    typical = {"radius_mm": 30.0}
+    words = "the punch swings on an arc about the lever's pivot, so that travel and force change away from mid travel"
+    source = "geometry of the lever"
+    separated_by = "three surface heights"
+
+    def tip_mm(self, trial: CellTrial, tip_mm: FloatArray, force_mn: FloatArray, p: Values) -> FloatArray:
+        """Normal travel on the arc."""
+        travel, radius = trial.angle_travel_mm, p["radius_mm"]
+        return tip_mm + (radius * np.sin(travel / radius) - travel)
+
+    def sensor_force_mn(self, trial: CellTrial, force_mn: FloatArray, p: Values) -> FloatArray:
+        """Torque divided by the arm's length."""
+        return np.asarray(force_mn * np.cos(trial.angle_travel_mm / p["radius_mm"]))

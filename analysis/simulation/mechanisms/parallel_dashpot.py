@@ -1,0 +1,29 @@
+"""The tissue resists the speed of indentation."""
+
+from __future__ import annotations
+
+from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Values
+from analysis.simulation.cells import CellTrial
+from analysis.simulation.mechanism import Tissue
+
+import numpy as np
+
+
+class ParallelDashpot(Mechanism):
+    """F_t gains c dd/dt while in contact."""
+
+    name = "parallel_dashpot"
+    stage = "tissue"
+    parameters = (Parameter("coefficient_mn_s_per_mm", "mN s/mm", 0.0, 1.0e4),)
+    amplitude = "coefficient_mn_s_per_mm"
+    null = {"coefficient_mn_s_per_mm": 0.0}
+    probes = ({"coefficient_mn_s_per_mm": 0.02},)
+    typical = {"coefficient_mn_s_per_mm": 0.3}
+    words = "the tissue resists how fast it is pressed, besides how deep"
+    source = "Kelvin element in parallel"
+    separated_by = "rigid_target"
+
+    def tissue_force_mn(self, trial: CellTrial, depth_mm: FloatArray, tissue: Tissue, p: Values) -> FloatArray:
+        """c dd/dt."""
+        inside = np.clip(depth_mm / 1e-3, 0.0, 1.0)
+        return p["coefficient_mn_s_per_mm"] * trial.velocity_mm_s * inside

@@ -1,0 +1,42 @@
+"""Fluid drains from under the punch."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Tissue, Values
+from analysis.simulation.cells import CellTrial
+from analysis.relaxation.response import arm_response
+from analysis.simulation.response import spectrum_force
+
+
+class PoroelasticDrainage(Mechanism):
+    """Relaxation 1.304 exp(-sqrt(t/T)) - 0.304 exp(-0.254 t/T) of stiffness ratio * k0 (Hu et al. 2010).
+
+    exp(-sqrt(u)) = integral exp(-u s) s^(-3/2) exp(-1/(4 s)) / (2 sqrt(pi)) ds, summed on a logarithmic grid.
+    """
+
+    name = "poroelastic_drainage"
+    stage = "tissue"
+    parameters = (
+        Parameter("ratio_to_k0", "1", 0.0, 20.0),
+        Parameter("time_constant_s", "s", 1e-3, 300.0, "log"),
+    )
+    amplitude = "ratio_to_k0"
+    null = {"ratio_to_k0": 0.0, "time_constant_s": 1.0}
+    probes = tuple({"ratio_to_k0": 0.01, "time_constant_s": float(t)} for t in np.geomspace(0.01, 60.0, 9))
+    typical = {"ratio_to_k0": 0.1, "time_constant_s": 1.0}
+    words = "fluid is pressed out from under the punch and drains away through the tissue"
+    source = "Hu, Zhao, Vlassak, Suo, Appl. Phys. Lett. 96:121904 (2010), flat punch"
+    separated_by = "a longer hold, a second punch radius"
+    inseparable = ("third_relaxation",)
+
+    def tissue_force_mn(self, trial: CellTrial, depth_mm: FloatArray, tissue: Tissue, p: Values) -> FloatArray:
+        """Force of the draining fluid."""
+        T = p["time_constant_s"]
+        s = np.geomspace(0.02, 2e3, 22)
+        weights = s**-0.5 * np.exp(-0.25 / s) / (2 * np.sqrt(np.pi)) * np.log(s[1] / s[0])
+        weights /= weights.sum()
+        slow = spectrum_force(depth_mm, trial.time_s, T / s, 1.304 * weights)
+        fast = 0.304 * arm_response(depth_mm, trial.time_s, T / 0.254)
+        return p["ratio_to_k0"] * tissue.k0 * (slow - fast)

@@ -1,0 +1,40 @@
+"""Relaxation without a time of its own: a power law."""
+
+from __future__ import annotations
+
+from math import gamma
+
+import numpy as np
+
+from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Tissue, Values
+from analysis.simulation.cells import CellTrial
+from analysis.simulation.response import spectrum_force
+
+
+class PowerLawRelaxation(Mechanism):
+    """A spring-pot in parallel: kernel c (t / 1 s)^-a.
+
+    t^-a = 1/Gamma(a) integral s^(a-1) exp(-s t) ds, summed on a logarithmic grid of times from 50 us to 10^4 s.
+    """
+
+    name = "power_law_relaxation"
+    stage = "tissue"
+    parameters = (
+        Parameter("coefficient_mn_per_mm", "mN/mm", 0.0, 1.0e4),
+        Parameter("exponent", "1", 0.02, 0.95),
+    )
+    amplitude = "coefficient_mn_per_mm"
+    null = {"coefficient_mn_per_mm": 0.0, "exponent": 0.3}
+    probes = tuple({"coefficient_mn_per_mm": 1.0, "exponent": a} for a in (0.05, 0.15, 0.3, 0.5, 0.7))
+    typical = {"coefficient_mn_per_mm": 10.0, "exponent": 0.2}
+    words = "the tissue relaxes by a power law, over all times at once, instead of with two times only"
+    source = "spring-pot (fractional element)"
+    separated_by = "a longer hold"
+
+    def tissue_force_mn(self, trial: CellTrial, depth_mm: FloatArray, tissue: Tissue, p: Values) -> FloatArray:
+        """Force of the spring-pot."""
+        a = p["exponent"]
+        taus = np.geomspace(5e-5, 1e4, 26)
+        step = float(np.log(taus[1] / taus[0]))
+        weights = p["coefficient_mn_per_mm"] * taus**-a * step / gamma(a)
+        return spectrum_force(depth_mm, trial.time_s, taus, weights)

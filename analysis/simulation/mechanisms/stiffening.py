@@ -1,0 +1,25 @@
+"""The tissue gets stiffer the deeper it is pressed."""
+
+from __future__ import annotations
+
+from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Values
+from analysis.simulation.cells import CellTrial
+
+
+class Stiffening(Mechanism):
+    """The tissue's law answers to d (1 + b d) instead of d."""
+
+    name = "stiffening"
+    stage = "contact"
+    parameters = (Parameter("coefficient_per_mm", "1/mm", -0.3, 50.0),)
+    amplitude = "coefficient_per_mm"
+    null = {"coefficient_per_mm": 0.0}
+    probes = ({"coefficient_per_mm": 0.02}, {"coefficient_per_mm": 0.8})
+    typical = {"coefficient_per_mm": 0.3}
+    words = "the skin gets stiffer the deeper it is pressed"
+    source = "first term of a hyperelastic law"
+    separated_by = "three depths at three surface heights"
+
+    def indentation_mm(self, trial: CellTrial, depth_mm: FloatArray, p: Values) -> FloatArray:
+        """d (1 + b d)."""
+        return depth_mm * (1.0 + p["coefficient_per_mm"] * depth_mm)

@@ -1,0 +1,34 @@
+"""A third relaxation time."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Tissue, Values
+from analysis.simulation.cells import CellTrial
+from analysis.relaxation.response import arm_response
+
+
+class ThirdRelaxation(Mechanism):
+    """A third Maxwell arm: stiffness ratio * k0, time constant of its own."""
+
+    name = "third_relaxation"
+    stage = "tissue"
+    parameters = (
+        Parameter("ratio_to_k0", "1", 0.0, 20.0),
+        Parameter("time_constant_s", "s", 1e-3, 300.0, "log"),
+    )
+    amplitude = "ratio_to_k0"
+    null = {"ratio_to_k0": 0.0, "time_constant_s": 1.0}
+    probes = tuple(
+        {"ratio_to_k0": 0.01, "time_constant_s": float(t)} for t in np.geomspace(3e-3, 60.0, 12)
+    )
+    typical = {"ratio_to_k0": 0.1, "time_constant_s": 0.02}
+    words = "the tissue relaxes with a third time constant that the two arms of the model do not have"
+    source = "Maxwell-Weichert solid with three arms"
+    separated_by = "a longer hold, a second punch radius"
+    inseparable = ("poroelastic_drainage",)
+
+    def tissue_force_mn(self, trial: CellTrial, depth_mm: FloatArray, tissue: Tissue, p: Values) -> FloatArray:
+        """Force of the third arm."""
+        return p["ratio_to_k0"] * tissue.k0 * arm_response(depth_mm, trial.time_s, p["time_constant_s"])

@@ -1,0 +1,161 @@
+"""What the arm really did: the recorded motion freed of its measurement noise.
+
+Driving a tissue model with the raw recorded position biases it (0.25 um of noise a sample); what is known
+of the servo gives the fast part of the motion, the recording gives what the servo does not explain.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+from scipy.optimize import least_squares
+
+from analysis.recordings.trial import Trial
+from analysis.simulation.servo import DEFAULT_DAMPING_RATIO, DEFAULT_NATURAL_FREQUENCY_RAD_S, follow
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+NEAR_KINK_S = 0.025
+FAST_SMOOTHING_S = 0.0008
+SLOW_SMOOTHING_S = 0.005
+RATE_SMOOTHING_S = 0.04
+VELOCITY_WINDOW_S = 0.002
+KINK_MM_S = 0.3
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """The arm's motion at full rate, each (N,), and what the nominal servo leaves of the recording.
+
+    ``servo_residual_mm`` is recorded minus the nominal servo's answer to the command and ``servo_signature_mm`` (N, 2)
+    how that answer changes with ln(natural frequency) and ln(damping ratio); zero where no command was recorded.
+    ``kinks`` are the samples at which the velocity of the command changes at once.
+    """
+
+    position_mm: FloatArray
+    velocity_mm_s: FloatArray
+    acceleration_mm_s2: FloatArray
+    servo_residual_mm: FloatArray
+    servo_signature_mm: FloatArray
+    kinks: IntArray
+
+
+def find_kinks(trial: Trial) -> IntArray:
+    """Return the samples (K,) at which the motion starts, stops or changes speed.
+
+    Phase boundaries count; beside them a change of velocity by more than 0.3 mm/s within 2 ms does, so
+    that a command that was never cut into phases is handled too.
+    """
+    path_mm = trial.command_mm if trial.command_mm is not None else trial.position_mm
+    n = len(path_mm)
+    w = max(1, round(VELOCITY_WINDOW_S * trial.sample_rate_hz))
+    found = {0}
+    for p in trial.phases:
+        found.update((p.start, min(p.stop, n - 1)))
+    if n > 4 * w and trial.kind != "air_sweep":
+        if trial.command_mm is None:
+            path_mm = gaussian_filter1d(path_mm, w)
+        velocity = (path_mm[w:] - path_mm[:-w]) * trial.sample_rate_hz / w
+        change = np.abs(velocity[w:] - velocity[:-w])
+        above = np.flatnonzero(change > KINK_MM_S)
+        if above.size:
+            groups = np.split(above, np.flatnonzero(np.diff(above) > w) + 1)
+            if len(groups) <= 40:  # a path that is all kinks has none worth the name
+                found.update(int(g[np.argmax(change[g])]) + w for g in groups)
+    return np.array(sorted(found), dtype=np.int64)
+
+
+def fit_servo(trials: list[Trial]) -> tuple[float, float]:
+    """Return natural frequency (rad/s) and damping ratio that explain recorded position best.
+
+    Only samples near kinks carry information on the servo. Without a command, or where nothing moves, the
+    nominal servo is returned.
+    """
+    pieces = []
+    for trial in trials:
+        command_mm = trial.command_mm
+        if command_mm is None:
+            continue
+        kinks = find_kinks(trial)
+        half = round(NEAR_KINK_S * trial.sample_rate_hz)
+        for k in kinks:
+            lo, hi = max(0, k - half), min(trial.n_samples, k + half)
+            u = command_mm[lo:hi]
+            # a stretch must begin at rest or on a steady ramp, or the filter's start would be wrong
+            if hi - lo < half or np.ptp(u) < 0.01:
+                continue
+            pieces.append((u, trial.position_mm[lo:hi], trial.sample_rate_hz))
+    if not pieces:
+        return DEFAULT_NATURAL_FREQUENCY_RAD_S, DEFAULT_DAMPING_RATIO
+
+    def residual(log_p: FloatArray) -> FloatArray:
+        wn, zeta = np.exp(log_p)
+        out = []
+        for u, x, rate in pieces[:60]:
+            lead = np.polynomial.polynomial.polyfit(np.arange(8.0), u[:8], 1)
+            ramp_in = lead[0] + lead[1] * np.arange(-200.0, 0.0)
+            model = follow(np.concatenate([ramp_in, u]), rate, wn, zeta).position_mm[200:]
+            r = x - model
+            basis = np.column_stack([np.ones_like(u), u - u.mean()])
+            out.append(r - basis @ np.linalg.lstsq(basis, r, rcond=None)[0])
+        return np.concatenate(out) * 1e3
+
+    start = np.log([DEFAULT_NATURAL_FREQUENCY_RAD_S, DEFAULT_DAMPING_RATIO])
+    bounds = (np.log([100.0, 0.1]), np.log([5.0e4, 5.0]))
+    best = least_squares(residual, start, bounds=bounds, diff_step=1e-3, max_nfev=15)
+    wn, zeta = np.exp(best.x)
+    return float(wn), float(zeta)
+
+
+def estimate_motion(
+    trial: Trial,
+    natural_frequency_rad_s: float = DEFAULT_NATURAL_FREQUENCY_RAD_S,
+    damping_ratio: float = DEFAULT_DAMPING_RATIO,
+) -> Motion:
+    """Return the motion behind a recording: the servo's answer plus the smoothed rest.
+
+    The rest is smoothed over 0.8 ms near kinks, where it may be fast, and over 5 ms elsewhere. Without a
+    command the recorded position itself is smoothed so.
+    """
+    rate, recorded = trial.sample_rate_hz, trial.position_mm
+    kinks = find_kinks(trial)
+    if trial.command_mm is not None:
+        servo = follow(trial.command_mm, rate, natural_frequency_rad_s, damping_ratio)
+        base, v, a = servo.position_mm, servo.velocity_mm_s, servo.acceleration_mm_s2
+    else:
+        base, v, a = np.zeros_like(recorded), np.zeros_like(recorded), np.zeros_like(recorded)
+    rest = recorded - base
+    near = np.zeros(len(rest))
+    half = max(1, round(NEAR_KINK_S * rate))
+    for k in kinks:
+        near[max(0, k - half) : k + half] = 1.0
+    near = gaussian_filter1d(near, max(1.0, half / 4))
+    fast = gaussian_filter1d(rest, max(0.3, FAST_SMOOTHING_S * rate))
+    slow = gaussian_filter1d(rest, max(0.3, SLOW_SMOOTHING_S * rate))
+    smooth = near * fast + (1.0 - near) * slow
+    # a resting arm's velocity must be nearer to zero than friction can tell from zero
+    steady = gaussian_filter1d(rest, max(0.3, RATE_SMOOTHING_S * rate))
+    rest_v = np.gradient(steady) * rate
+    if trial.command_mm is None:
+        rest_v = near * np.gradient(gaussian_filter1d(rest, max(0.5, 0.002 * rate))) * rate + (1.0 - near) * rest_v
+    rest_a = np.gradient(rest_v) * rate
+    servo_residual, signature = np.zeros_like(rest), np.zeros((len(rest), 2))
+    if trial.command_mm is not None:
+        wn, zeta = DEFAULT_NATURAL_FREQUENCY_RAD_S, DEFAULT_DAMPING_RATIO
+        nominal = follow(trial.command_mm, rate, wn, zeta).position_mm
+        servo_residual = recorded - nominal
+        h = 1e-3
+        signature[:, 0] = (follow(trial.command_mm, rate, wn * (1 + h), zeta).position_mm - nominal) / h
+        signature[:, 1] = (follow(trial.command_mm, rate, wn, zeta * (1 + h)).position_mm - nominal) / h
+    return Motion(
+        position_mm=base + smooth,
+        velocity_mm_s=v + rest_v,
+        acceleration_mm_s2=a + rest_a,
+        servo_residual_mm=servo_residual,
+        servo_signature_mm=signature,
+        kinks=kinks,
+    )

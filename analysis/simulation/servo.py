@@ -1,0 +1,46 @@
+"""The lever's position servo: how the arm follows its command."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import cont2discrete, lfilter, ss2tf
+
+FloatArray = NDArray[np.float64]
+
+DEFAULT_NATURAL_FREQUENCY_RAD_S = 5.0e3
+DEFAULT_DAMPING_RATIO = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class ServoMotion:
+    """Position (mm), velocity (mm/s) and acceleration (mm/s^2) of the arm, each (N,)."""
+
+    position_mm: FloatArray
+    velocity_mm_s: FloatArray
+    acceleration_mm_s2: FloatArray
+
+
+def follow(
+    command_mm: FloatArray,
+    sample_rate_hz: float,
+    natural_frequency_rad_s: float = DEFAULT_NATURAL_FREQUENCY_RAD_S,
+    damping_ratio: float = DEFAULT_DAMPING_RATIO,
+) -> ServoMotion:
+    """Return the motion of a second-order servo that starts at rest on the first command.
+
+    x'' = wn^2 (u - x) - 2 zeta wn x', integrated exactly for a command that is linear between samples
+    (first-order hold). ``command_mm`` is (N,).
+    """
+    wn, zeta = natural_frequency_rad_s, damping_ratio
+    a = np.array([[0.0, 1.0], [-wn * wn, -2.0 * zeta * wn]])
+    b = np.array([[0.0], [wn * wn]])
+    c = np.array([[1.0, 0.0], [0.0, 1.0], [-wn * wn, -2.0 * zeta * wn]])
+    d = np.array([[0.0], [0.0], [wn * wn]])
+    ad, bd, cd, dd, _ = cont2discrete((a, b, c, d), 1.0 / sample_rate_hz, method="foh")
+    numerators, denominator = ss2tf(ad, bd, cd, dd)
+    u = command_mm - command_mm[0]
+    x, v, acceleration = (lfilter(row, denominator, u) for row in numerators)
+    return ServoMotion(x + command_mm[0], v, acceleration)

@@ -1,0 +1,179 @@
+"""The writer of a running trial: readable at every moment, whatever ends it."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+
+import h5py
+import numpy as np
+import pytest
+
+from analysis.errors import BadInputError
+from analysis.recordings import TrialWriter, read_trial
+from analysis.recordings.locking import is_locked
+from analysis.recordings.trial import Event, Phase, Surface
+
+RNG = np.random.default_rng(5)
+
+
+def _append_all(writer, signals, chunk=40):
+    for start in range(0, signals.shape[1], chunk):
+        writer.append(*signals[:, start : start + chunk])
+
+
+def test_chunks_phases_and_events_come_back(tmp_path, a_header):
+    signals = RNG.normal(size=(3, 1003))
+    phases = (Phase("approach", 0, 500), Phase("dwell", 500, 2000))
+    with TrialWriter(tmp_path / "t.h5", a_header(log=("a",)), 2000) as writer:
+        _append_all(writer, signals)
+        writer.set_phases(phases)
+        writer.add_event(Event(17, "limit", "ö" * 300))
+        writer.set_surface(Surface(5.0, 400, 2.0, 10.0))
+        writer.add_log("b")
+    trial = read_trial(tmp_path / "t.h5")
+    np.testing.assert_array_equal([trial.position_v, trial.force_v, trial.command_v], signals)
+    assert trial.status == "complete"
+    assert trial.phases == (Phase("approach", 0, 500), Phase("dwell", 500, 1003))
+    assert trial.events == (Event(17, "limit", "ö" * 300),)
+    assert trial.surface == Surface(5.0, 400, 2.0, 10.0)
+    assert trial.log == ("a", "b")
+    assert [p.name for p in tmp_path.iterdir()] == ["t.h5"]
+
+
+def test_a_running_file_is_read_by_any_hdf5_program_at_any_moment(tmp_path, a_header):
+    signals = RNG.normal(size=(3, 400))
+    writer = TrialWriter(tmp_path / "t.h5", a_header(), 500)
+    try:
+        for start in range(0, 400, 40):
+            writer.append(*signals[:, start : start + 40])
+            writer.set_phases((Phase("approach", 0, start + 1),))
+            with h5py.File(tmp_path / "t.h5", "r") as file:
+                written = file["signals/force_v"][()]
+                assert file.attrs["status"] == "running"
+            np.testing.assert_array_equal(written[: start + 40], signals[1, : start + 40])
+            assert np.isnan(written[start + 40 :]).all()
+        trial = read_trial(tmp_path / "t.h5")
+        assert (trial.n_samples, trial.status) == (400, "running")
+        assert trial.phases == (Phase("approach", 0, 361),)
+    finally:
+        writer.finish("aborted", "end of test")
+    assert read_trial(tmp_path / "t.h5").status_reason == "end of test"
+
+
+def test_a_trial_may_outgrow_its_capacity(tmp_path, a_header):
+    signals = RNG.normal(size=(3, 5000))
+    with TrialWriter(tmp_path / "t.h5", a_header(), 64) as writer:
+        for i in range(300):
+            writer.add_event(Event(i, "tick", str(i)))
+        _append_all(writer, signals, 70)
+        assert read_trial(tmp_path / "t.h5").n_samples == 5000
+    trial = read_trial(tmp_path / "t.h5")
+    np.testing.assert_array_equal([trial.position_v, trial.force_v, trial.command_v], signals)
+    assert [event.message for event in trial.events] == [str(i) for i in range(300)]
+
+
+def test_without_a_command_channel(tmp_path, a_header):
+    with TrialWriter(tmp_path / "t.h5", a_header(), 10, commanded=False) as writer:
+        writer.append([1.0, 2.0], [3.0, 4.0])
+    assert read_trial(tmp_path / "t.h5").command_v is None
+
+
+def test_an_exception_leaves_an_aborted_trial(tmp_path, a_header):
+    with pytest.raises(RuntimeError), TrialWriter(tmp_path / "t.h5", a_header(), 10) as writer:
+        writer.append([1.0], [2.0], [3.0])
+        raise RuntimeError("card gone:\nunplugged")
+    trial = read_trial(tmp_path / "t.h5")
+    assert (trial.status, trial.status_reason) == ("aborted", "RuntimeError: card gone: unplugged")
+
+
+def test_a_trial_without_samples_leaves_no_file(tmp_path, a_header):
+    with pytest.raises(BadInputError, match="nothing was recorded"):
+        TrialWriter(tmp_path / "t.h5", a_header(), 10).finish()
+    with pytest.raises(RuntimeError), TrialWriter(tmp_path / "t.h5", a_header(), 10):
+        raise RuntimeError
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_trial_never_overwrites_another(tmp_path, a_header):
+    (tmp_path / "t.h5").write_bytes(b"precious")
+    with pytest.raises(BadInputError, match="exists already"):
+        TrialWriter(tmp_path / "t.h5", a_header(), 10)
+    with pytest.raises(BadInputError, match="can't be made"):
+        TrialWriter(tmp_path / "none" / "t.h5", a_header(), 10)
+    assert [(p.name, p.read_bytes()) for p in tmp_path.iterdir()] == [("t.h5", b"precious")]
+
+
+def test_wrong_chunks_and_phases_are_refused_and_do_no_harm(tmp_path, a_header):
+    with TrialWriter(tmp_path / "t.h5", a_header(), 10) as writer:
+        writer.append([1.0], [2.0], [3.0])
+        for chunk in (([1.0], [2.0]), ([1.0], [2.0, 3.0], [4.0]), ([1.0], [np.nan], [2.0])):
+            with pytest.raises(ValueError, match="chunk"):
+                writer.append(*chunk)
+        for phases in ((Phase("wait", 0, 1),), (Phase("hold", 5, 1),), (Phase("hold", 0, 1),) * 40):
+            with pytest.raises(ValueError, match="phases"):
+                writer.set_phases(phases)
+    with pytest.raises(ValueError, match="finished already"):
+        writer.finish()
+    with pytest.raises(ValueError, match="finished already"):
+        writer.append([1.0], [2.0], [3.0])
+    assert read_trial(tmp_path / "t.h5").n_samples == 1
+
+
+CHILD = """
+import sys, time, itertools
+import numpy as np
+from pathlib import Path
+from analysis.recordings import TrialHeader, TrialWriter
+from analysis.recordings.trial import Calibration, Event, Phase, Surface
+
+calibration = Calibration(2.0, 0.0, 0.015, 0.0, 2.0, 0.0)
+header = TrialHeader("ramp_hold_retract", "simulated", 8000.0, calibration)
+writer = TrialWriter(Path(sys.argv[1]), header, 800)
+print("start", flush=True)
+for chunk in itertools.count():
+    i = np.arange(40.0) + 40 * chunk
+    writer.append(i, -i, 2 * i)
+    if chunk % 7 == 0:
+        writer.set_phases((Phase("approach", 0, 40 * chunk + 40),))
+        writer.add_event(Event(40 * chunk, "tick", str(chunk)))
+    if chunk == 11:
+        writer.set_surface(Surface(1.0, 3, 1.0, 10.0))
+    print(writer.n_samples, flush=True)
+    time.sleep(0.0005)
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="kill -9 is POSIX")
+def test_every_sample_written_survives_kill_9(tmp_path):
+    """Capacity is outgrown, phases, events and surface change meanwhile; nothing acknowledged is lost."""
+    rng = np.random.default_rng(1)
+    for kill in range(6):
+        path = tmp_path / f"{kill}.h5"
+        child = subprocess.Popen([sys.executable, "-c", CHILD, path], stdout=subprocess.PIPE, text=True)
+        assert child.stdout is not None
+        assert child.stdout.readline() == "start\n"
+        time.sleep(float(rng.uniform(0.0, 0.15)))
+        assert is_locked(path)
+        child.send_signal(signal.SIGKILL)
+        acknowledged = re.findall(r"\d+\n", child.stdout.read())
+        child.stdout.close()
+        child.wait()
+        assert not is_locked(path)
+        with h5py.File(path, "r") as file:
+            written = np.isfinite(file["signals/command_v"][()]).sum()
+        at_least = int(acknowledged[-1]) if acknowledged else 0
+        assert written >= at_least
+        if written == 0:
+            continue
+        trial = read_trial(path)
+        assert trial.n_samples >= at_least
+        samples = np.arange(trial.n_samples)
+        np.testing.assert_array_equal(trial.position_v, samples)
+        np.testing.assert_array_equal(trial.force_v, -samples)
+        np.testing.assert_array_equal(trial.command_v, 2 * samples)
+        assert trial.phases[0].start == 0

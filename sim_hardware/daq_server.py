@@ -24,6 +24,7 @@ from sim_hardware.card.attributes import (
     SETTERS,
     SYSTEM,
     not_supported,
+    samples_to_read,
 )
 from sim_hardware.card.card import Card
 from sim_hardware.card.channels import Direction, check_device, parse_channels
@@ -207,8 +208,12 @@ class DaqServicer(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ge
     @_answers
     def ReadAnalogF64(self, request: Any, context: grpc.ServicerContext) -> Any:
         task = self._task(request)
+        task.need("ai")
         n, size = request.num_samps_per_chan, request.array_size_in_samps
-        if n > 0 and n * len(task.channels) > size:
+        if n < 0:
+            with self.card.at_now():
+                n = samples_to_read(self.card, task)
+        if n * len(task.channels) > size:
             raise CardError(Code.READ_ARRAY_TOO_SMALL, f"Task Name: {task.name}.", n_read=0)
         status = 0
         try:

@@ -7,6 +7,7 @@ from sim_hardware.balance import Balance
 from sim_hardware.card import Card
 from sim_hardware.control import Bench, Control, ControlServer, order_fault
 from sim_hardware.daq_server import serve
+from sim_hardware.latency import ask_for_short_slices
 from sim_hardware.line_server import LineServer
 from sim_hardware.settings import BenchSettings
 from sim_hardware.stage import Stage
@@ -20,6 +21,7 @@ class Services:
     """A running bench; `addresses` says where each part listens."""
 
     def __init__(self, settings: BenchSettings, bench: Bench | None = None) -> None:
+        ask_for_short_slices()
         sys.setswitchinterval(SWITCH_INTERVAL_S)  # a call that is due should not wait 5 ms for another thread
         bench = World(settings) if bench is None else bench
         self.card = Card(

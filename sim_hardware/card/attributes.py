@@ -59,10 +59,13 @@ def _available(card: Card, task: CardTask) -> int:
     return min(task.ring.available, task.ring.size) if task.ring is not None else 0
 
 
-def _default_read(card: Card, task: CardTask) -> int:
-    if task.timing is not None and task.finite and not task.read_all_available:
-        return task.timing.n_samples
-    return _available(card, task) if task.timing is not None else 1
+def samples_to_read(card: Card, task: CardTask) -> int:
+    """What "read all available" means: all there is (continuous), all there will be (finite)."""
+    if task.timing is None:
+        return 1
+    if task.finite and not task.read_all_available:
+        return task.timing.n_samples - (task.ring.read_position if task.ring is not None else 0)
+    return _available(card, task)
 
 
 def _space(card: Card, task: CardTask) -> int:
@@ -116,7 +119,7 @@ GETTERS: dict[str, dict[int, Getter]] = {
     "GetReadAttributeUInt32": {
         0x217B: _input(lambda card, task: len(task.channels)),
         0x1223: _input(_available),
-        0x31E8: _input(_default_read),
+        0x31E8: _input(samples_to_read),
     },
     "GetReadAttributeUInt64": {
         0x192A: _input(lambda card, task: task.ring.acquired if task.ring else 0),

@@ -1,7 +1,7 @@
 """The card's sample clock: plays outputs into the world, samples its answer, and lets time pass.
 
-Every call first brings the world up to now, so nobody can tell whether it was advanced in the background or
-just in time.
+Whoever looks first brings the world up to now, so nobody can tell whether it was advanced in the background
+or just in time.
 """
 
 import heapq
@@ -22,7 +22,8 @@ from sim_hardware.card.task import CardTask
 from sim_hardware.world.converters import Converter
 
 LARGEST_BLOCK = 8192
-BACKGROUND_PERIOD_S = 0.005
+BACKGROUND_PERIOD_S = 0.02
+LONGEST_NAP_S = 60.0
 OPEN_INPUT_NOISE_V = 0.3e-3
 
 
@@ -75,6 +76,10 @@ class Timebase:
         while not self._closing.wait(BACKGROUND_PERIOD_S):
             with self.at_now():
                 pass
+
+    def held(self) -> threading.Condition:
+        """Hold the card as it is."""
+        return self._changed
 
     @contextmanager
     def at_now(self) -> Iterator[None]:
@@ -186,7 +191,7 @@ class Timebase:
         """
         deadline_s = math.inf if timeout_s < 0 else time.monotonic() + timeout_s
         left = math.inf if timeout_s < 0 else round(timeout_s * SAMPLE_RATE_HZ)
-        with self.at_now():
+        with self._changed:
             while (missing := n_missing()) != 0:
                 if self.clock.virtual:
                     if left == 0 or (missing is None and math.isinf(left)):
@@ -197,13 +202,13 @@ class Timebase:
                     left -= step
                     continue
                 patience_s = deadline_s - time.monotonic()
-                if patience_s <= 0:
-                    return False
                 if missing is not None:
                     patience_s = min(patience_s, self.clock.seconds_until(self.n_samples + missing))
                 if patience_s > 0:
-                    self._changed.wait(min(patience_s, 60.0))
+                    self._changed.wait(min(patience_s, LONGEST_NAP_S))
                 self._catch_up()
+                if time.monotonic() >= deadline_s:
+                    return n_missing() == 0
             return True
 
     def sleep(self, duration_s: float) -> None:

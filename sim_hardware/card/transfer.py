@@ -20,23 +20,19 @@ class ShortReadError(CardError):
 def read(card: Card, task: CardTask, n: int, timeout_s: float) -> FloatArray:
     """The next n samples in volts, shape (n_channels, n), waiting for those still to come.
 
-    n = -1 is all there is (continuous) or all there will be (finite); a task not yet started is started.
-    Raises ShortReadError (-200284) when they do not come in time, CardError -200279 when the buffer has run
-    over, -200278 past the end of a finite task, or whatever stopped the task.
+    A task not yet started is started. Raises ShortReadError (-200284) when they do not come in time,
+    CardError -200279 when the buffer has run over, -200278 past the end of a finite task, or whatever stopped the task.
     """
-    with card.at_now():
+    with card.held():
         task.need("ai")
         task.check()
         if task.timing is None:
-            return _read_on_demand(card, task, max(1, n))
+            return _read_on_demand(card, task, n)
         if not task.running:
             card.start(task)
         ring = task.ring
         assert ring is not None
-        if n < 0:
-            to_the_end = task.finite and not task.read_all_available
-            n = task.timing.n_samples - ring.read_position if to_the_end else ring.available
-        elif task.finite and n > task.timing.n_samples - ring.read_position:
+        if task.finite and n > task.timing.n_samples - ring.read_position:
             raise CardError(Code.NEVER_AVAILABLE, f"Task Name: {task.name}.", n_read=0)
         out = np.empty((len(task.channels), n))
         filled = 0

@@ -53,10 +53,13 @@ _REMEDIES: dict[int, tuple[type[CardError], str]] = {
     -200290: (OutputStarvedError, "the output ran dry and stopped; close other programs, then run again"),
     -200621: (OutputStarvedError, "the output ran dry and stopped; close other programs, then run again"),
     -50103: (CardBusyError, "another program uses the card; end it, then run again"),
+    -200089: (CardBusyError, "another run uses the card; end it, then run again"),
     -200022: (CardBusyError, "another program uses the card; end it, then run again"),
     -200220: (CardMissingError, "no card of that name; compare card.device in rig.toml with NI MAX"),
     -200170: (CardMissingError, "no such channel on this card; check the channels under [card] in rig.toml"),
     -201003: (CardMissingError, "the card is gone; check its cable and power, then run again"),
+    -88710: (CardError, "another program ended the task (the guard, if this one was silent); run again"),
+    -200088: (CardError, "another program ended the task (the guard, if this one was silent); run again"),
     -200452: (CardError, "this card does not have that property; use a card of the S Series"),
     -200561: (CardError, "a voltage beyond the output's range; check [calibration] in rig.toml"),
 }
@@ -111,10 +114,11 @@ def _first_line(text: str) -> str:
 
 
 class Card:
-    """One card; a context manager that closes the way to it."""
+    """One card; a context manager that closes the way to it. Tasks are named after ``owner``."""
 
-    def __init__(self, address: str, device: str) -> None:
+    def __init__(self, address: str, device: str, owner: str = "indenter") -> None:
         self.device = device
+        self._owner = owner
         self._channel = grpc.insecure_channel(address, options=_CHANNEL_OPTIONS) if address else None
         self.where = f"card {device} at {address}" if address else f"card {device}"
 
@@ -211,7 +215,7 @@ class Card:
                 _log.info("no task %s to end: %s", name, _first_line(str(error)))
 
     def _task_name(self, which: str) -> str:
-        return f"indenter-{self.device}-{which}"
+        return f"{self._owner}-{self.device}-{which}"
 
     def _new_task(self, which: str, doing: str) -> nidaqmx.Task:
         with _as_own_errors(doing):

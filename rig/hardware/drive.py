@@ -19,6 +19,9 @@ FloatArray = NDArray[np.float64]
 _HISTORY = 256
 """Samples of loop-back kept from before a start, to know the rest it starts from."""
 
+_BITS = 16
+"""Resolution of an S Series output."""
+
 
 class ArmWatcher(Protocol):
     """Whoever must know when the arm leaves the safe position and when it is back."""
@@ -153,7 +156,7 @@ class Drive:
             other.end_at(not_before)
         finder = None
         if self._settings.loopback_channel is not None:
-            finder = StartFinder(volts, self._track.last_v, not_before)
+            finder = StartFinder(volts, self._track.last_v, not_before, 2 * self._settings.range_v / 2**_BITS)
             finder.feed(taken() - len(self._history), self._history)
             self._finders.append(finder)
         self._track.add(expected, volts)

@@ -14,7 +14,7 @@ from sim_hardware.parts import Block, FloatArray, Parts
 
 Stage = Literal["lever", "contact", "tissue", "specimen", "sensor"]
 
-IN_CONTACT = ("dwell", "ramp", "hold", "retract")
+IN_CONTACT = ("approach", "dwell", "ramp", "hold", "retract")
 IN_MOTION = ("approach", "ramp", "retract", "sweep")
 ALWAYS = ("approach", "dwell", "ramp", "hold", "retract", "clear", "sweep")
 
@@ -56,7 +56,7 @@ class Effect:
     stage: ClassVar[Stage]
     in_library: ClassVar[bool]
     phases: ClassVar[tuple[str, ...]]
-    """Phases of a trial in which the effect shows."""
+    """Phases of a trial whose recording differs from the same motion without the effect."""
     parameters: ClassVar[tuple[Parameter, ...]]
     order: ClassVar[int] = 0
     """Effects of one hook are called in this order."""

@@ -12,6 +12,7 @@ _BRISTLE_MM = 0.002
 _STRIBECK_MM_S = 0.5
 _STRIBECK = 0.15
 _DITHER_S = 0.03
+_STUCK_MM_S = 0.2
 _MOVING_MM_S = 1e-3
 
 
@@ -23,7 +24,7 @@ def _bristles(velocity: FloatArray, step_s: float, start: float) -> FloatArray:
     for i in range(velocity.shape[0]):
         v = velocity[i]
         slide = _BRISTLE_MM * (1 + _STRIBECK * np.exp(-((v / _STRIBECK_MM_S) ** 2)))
-        rate = abs(v) / slide + 1 / _DITHER_S
+        rate = abs(v) / slide + np.exp(-((v / _STUCK_MM_S) ** 2)) / _DITHER_S + 1e-9
         settled = v / rate
         z = settled + (z - settled) * np.exp(-rate * step_s)
         out[i] = z / _BRISTLE_MM

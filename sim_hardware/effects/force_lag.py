@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sim_hardware.effects.base import IN_MOTION, Effect, Parameter
+from sim_hardware.effects.base import IN_CONTACT, Effect, Parameter
 from sim_hardware.filters import LowPass
 from sim_hardware.parts import SAMPLE_RATE_HZ, Block, FloatArray
 
@@ -17,7 +17,7 @@ class ForceLag(Effect):
     name = "force_lag"
     stage = "sensor"
     in_library = True
-    phases = (*IN_MOTION, "hold")
+    phases = IN_CONTACT
     order = 60
     parameters = (Parameter("time_constant_ms", "ms", 2.0, 0.0, 500.0, "delay of a steady ramp of force"),)
     poles: tuple[LowPass, ...] | None = None

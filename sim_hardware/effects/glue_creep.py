@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from sim_hardware.effects.base import Effect, Parameter
+from sim_hardware.effects.base import IN_CONTACT, Effect, Parameter
 from sim_hardware.parts import Parts
 
 
@@ -18,7 +18,7 @@ class GlueCreep(Effect):
     name = "glue_creep"
     stage = "lever"
     in_library = False
-    phases = ("dwell", "ramp", "hold", "retract")
+    phases = IN_CONTACT
     parameters = (
         Parameter("creep_um_per_mn", "um/mN", 0.3, 0.0, 10.0, "how far the glue gives in the end"),
         Parameter("time_constant_s", "s", 0.6, 0.01, 1000.0, "its time"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sim_hardware.effects.base import IN_MOTION, Effect, Parameter
+from sim_hardware.effects.base import IN_CONTACT, Effect, Parameter
 from sim_hardware.parts import Block, FloatArray
 
 _MIDDLE_MM = 5.0
@@ -22,7 +22,7 @@ class LeverArc(Effect):
     name = "lever_arc"
     stage = "lever"
     in_library = True
-    phases = (*IN_MOTION, "dwell", "hold")
+    phases = IN_CONTACT
     parameters = (Parameter("radius_mm", "mm", 30.0, 6.0, 300.0, "distance of the punch from the pivot"),)
 
     def tip(self, block: Block) -> None:

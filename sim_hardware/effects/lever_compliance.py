@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from sim_hardware.effects.base import Effect, Parameter
+from sim_hardware.effects.base import IN_CONTACT, Effect, Parameter
 from sim_hardware.parts import Parts
 
 
@@ -18,7 +18,7 @@ class LeverCompliance(Effect):
     name = "lever_compliance"
     stage = "lever"
     in_library = True
-    phases = ("approach", "dwell", "ramp", "hold", "retract")
+    phases = IN_CONTACT
     parameters = (
         Parameter("compliance_um_per_mn", "um/mN", 0.5, 0.0, 10.0, "bending of the arm by a force"),
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from sim_hardware.effects.base import Effect, Parameter
+from sim_hardware.effects.base import IN_CONTACT, Effect, Parameter
 from sim_hardware.parts import Parts
 
 
@@ -18,7 +18,7 @@ class LooseMount(Effect):
     name = "loose_mount"
     stage = "lever"
     in_library = False
-    phases = ("approach", "dwell", "ramp", "retract")
+    phases = IN_CONTACT
     parameters = (
         Parameter("play_um", "um", 15.0, 0.0, 500.0, "play"),
         Parameter("seat_mn", "mN", 8.0, 0.1, 500.0, "force that takes up half of it"),

@@ -39,6 +39,8 @@ class PowerLawRelaxation(Effect):
         times = np.geomspace(_FASTEST_S, _SLOWEST_S, n)
         width = math.log(times[1] / times[0])
         k = self["coefficient_mn_per_mm"] / math.gamma(a) * times**-a * width
+        slower = math.exp(-width / 2) / times[-1]  # what is slower than the slowest arm stands still
+        k[-1] += self["coefficient_mn_per_mm"] / math.gamma(a) * slower**a / a
         k *= 1 - 0.04 * self.rough * np.tanh(np.log10(times / 0.5))
         arms = tuple(Arm(float(s), float(t)) for s, t in zip(k, times, strict=True))
         return replace(parts, arms=(*parts.arms, *arms))

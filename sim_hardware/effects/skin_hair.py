@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sim_hardware.effects.base import Effect, Parameter
+from sim_hardware.effects.base import IN_CONTACT, Effect, Parameter
 from sim_hardware.parts import Block
 
 
@@ -18,7 +18,7 @@ class SkinHair(Effect):
     name = "skin_hair"
     stage = "specimen"
     in_library = False
-    phases = ("approach", "retract")
+    phases = IN_CONTACT
     parameters = (
         Parameter("force_mn", "mN", 1.5, 0.0, 50.0, "force of the buckled hairs"),
         Parameter("length_um", "um", 350.0, 10.0, 3000.0, "how far they stand off the skin"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from sim_hardware.effects.base import Effect, Parameter
+from sim_hardware.effects.base import IN_CONTACT, Effect, Parameter
 from sim_hardware.parts import Parts
 
 
@@ -19,7 +19,7 @@ class SupportResonance(Effect):
     name = "support_resonance"
     stage = "specimen"
     in_library = False
-    phases = ("approach", "dwell", "ramp", "hold", "retract")
+    phases = IN_CONTACT
     parameters = (
         Parameter("frequency_hz", "Hz", 60.0, 5.0, 1000.0, "frequency of the loaded support"),
         Parameter("mass_g", "g", 10.0, 0.5, 5000.0, "its mass"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sim_hardware.effects.base import Effect, Parameter
+from sim_hardware.effects.base import IN_CONTACT, Effect, Parameter
 from sim_hardware.parts import Block
 
 
@@ -18,7 +18,7 @@ class SweatMeniscus(Effect):
     name = "sweat_meniscus"
     stage = "contact"
     in_library = False
-    phases = ("approach", "dwell", "retract", "clear")
+    phases = (*IN_CONTACT, "clear")
     parameters = (
         Parameter("pull_mn", "mN", 2.0, 0.0, 50.0, "pull of the bridge in contact"),
         Parameter("length_um", "um", 250.0, 1.0, 2000.0, "gap at which it breaks"),

@@ -24,8 +24,8 @@ CUBIC, QUARTIC, SETTING_TIME, RECOVERY_TIME, STEP = range(14, 19)
 DEPRESSION, ELONGATION, CREPT, BONDED, OPENING, SUPPORT_SHIFT, SUPPORT_SPEED, FORCE, TOUCHING, SET = range(10)
 # rows of the arms: stiffness, time, exp(-h / tau), k (tau / h) (1 - exp(-h / tau)), force
 STIFFNESS, TIME, DECAY, GAIN, LOAD = range(5)
-# what one step knows of F(d) = fixed + gain e(d) + dash (d - old)
-FIXED, TOTAL_GAIN, DASH, OLD = range(4)
+# what one step knows of F(d) = fixed + gain e(d) + dash (d - old), and what gives at once under it
+FIXED, TOTAL_GAIN, DASH, OLD, GIVE = range(5)
 
 _CLOSE_MM = 1e-13
 _TRIES = 60
@@ -47,12 +47,18 @@ def _force(d: float, c: FloatArray, step: FloatArray) -> tuple[float, float]:
 
 
 @njit(cache=True)
-def _give_way(c: FloatArray, state: FloatArray) -> None:
-    """Move what gives way slowly under the force of the last step: glue, and the specimen's support."""
+def _give_way(c: FloatArray, state: FloatArray, step: FloatArray) -> None:
+    """Move what gives way slowly: glue under the mean force of the step, the support under the last.
+
+    The glue's share of the force still to come is left in ``step[GIVE]`` beside the spring of the tip.
+    """
     force, h = state[FORCE], c[STEP]
+    step[GIVE] = c[COMPLIANCE]
     if c[CREEP] > 0.0:
         keep = math.exp(-h / c[CREEP_TIME])
-        state[CREPT] = state[CREPT] * keep + (1 - keep) * c[CREEP] * force
+        half = (1 - keep) * c[CREEP] / 2
+        state[CREPT] = state[CREPT] * keep + half * force
+        step[GIVE] += half
     if c[SUPPORT_MASS] > 0.0:
         if h * math.sqrt(c[SUPPORT] / c[SUPPORT_MASS]) < 0.5:
             pull = force - c[SUPPORT] * state[SUPPORT_SHIFT] - c[SUPPORT_DAMPING] * state[SUPPORT_SPEED]
@@ -69,7 +75,7 @@ def _pressed(w: float, c: FloatArray, step: FloatArray, free: float) -> tuple[fl
 
     ``free`` is where F = 0, from where the search starts.
     """
-    C, slack, slack_force = c[COMPLIANCE], c[SLACK], c[SLACK_FORCE]
+    C, slack, slack_force = step[GIVE], c[SLACK], c[SLACK_FORCE]
     if c[STIFFENING] == 0.0 and slack == 0.0:
         d = (w - C * (step[FIXED] - step[DASH] * step[OLD])) / (1 + C * (step[TOTAL_GAIN] + step[DASH]))
         return d, _force(d, c, step)[0]
@@ -91,7 +97,7 @@ def _peeling(w: float, c: FloatArray, step: FloatArray, state: FloatArray) -> tu
 
     F = -(P (o/a) exp(1 - o/a) + rate do/dt), o = d + C F - w: it grips harder up to o = a, then lets go.
     """
-    a, C = c[PEEL], c[COMPLIANCE]
+    a, C = c[PEEL], step[GIVE]
     rate = c[PEEL_RATE] / c[STEP]
     d = float(step[OLD])
     for _ in range(_TRIES):
@@ -130,9 +136,9 @@ def contact_step(
 ) -> None:
     """Take one step to an approach (unloaded punch below the undisturbed surface, mm).
 
-    ``step`` (4,) is scratch room.
+    ``step`` (5,) is scratch room.
     """
-    _give_way(c, state)
+    _give_way(c, state, step)
     w = approach - state[CREPT] - state[SUPPORT_SHIFT]
     e_old = state[ELONGATION]
     step[FIXED], step[TOTAL_GAIN] = 0.0, c[K0]
@@ -164,6 +170,7 @@ def contact_step(
         keep = math.exp(-c[STEP] / (c[SETTING_TIME] if pressed > state[SET] else c[RECOVERY_TIME]))
         state[SET] = pressed + (state[SET] - pressed) * keep
     state[DEPRESSION], state[ELONGATION], state[FORCE] = d, e, force
+    state[CREPT] += (step[GIVE] - c[COMPLIANCE]) * force
     state[BONDED] = state[TOUCHING] = 1.0 if touching else 0.0
     state[OPENING] = max(opening, 0.0)
 
@@ -178,7 +185,7 @@ def contact_steps(
     block's n samples, linear between them.
     """
     out = np.empty((2, tip.shape[0]))
-    step = np.empty(4)
+    step = np.empty(5)
     substeps = tip.shape[0] // max(surface.shape[0] - 1, 1)
     j = 0
     for i in range(surface.shape[0] - 1):
@@ -194,11 +201,11 @@ def contact_steps(
 def contact_rest(
     approach: float, duration_s: float, c: FloatArray, arms: FloatArray, state: FloatArray
 ) -> None:
-    """Let time pass with the punch held, in steps that grow by 2 % each: relaxation slows as it goes."""
-    c, own, step = c.copy(), arms.copy(), np.empty(4)
+    """Let time pass with the punch held, in steps that grow by 1 % each: relaxation slows as it goes."""
+    c, own, step = c.copy(), arms.copy(), np.empty(5)
     left = duration_s
     while left > 0.0:
-        h = min(c[STEP] * 1.02, left)
+        h = min(c[STEP] * 1.01, left)
         c[STEP] = h
         for i in range(own.shape[1]):
             own[DECAY, i] = math.exp(-h / own[TIME, i])

@@ -1,155 +1,136 @@
-"""A bench served in this process, and the driver's real client to call it with."""
+"""A bench without noise, and motions played into it."""
 
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack
-from typing import Any
+from __future__ import annotations
 
-import grpc
-import nidaqmx
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
-from nidaqmx.constants import AcquisitionType, RegenerationMode
 
-from sim_hardware.services import Services
+from sim_hardware.parts import SAMPLE_RATE_HZ, FloatArray
 from sim_hardware.settings import BenchSettings
+from sim_hardware.world import World
 
-RATE_HZ = 8000.0
-
-
-class CountingWorld:
-    """A world that repeats its command as position, and counts its samples as force (0.1 mV each)."""
-
-    def __init__(self) -> None:
-        self.n = 0
-        self.rested_s = 0.0
-        self.requests: list[tuple[str, dict[str, Any]]] = []
-        self.command_v = np.zeros(0)
-
-    @property
-    def time_s(self) -> float:
-        return self.n / RATE_HZ + self.rested_s
-
-    def advance(self, command_v: np.ndarray) -> Any:
-        self.command_v = command_v
-
-        class Readings:
-            position_v = command_v.copy()
-            force_v = np.arange(self.n, self.n + len(command_v)) * 1e-4
-
-        self.n += len(command_v)
-        return Readings
-
-    def rest(self, duration_s: float) -> None:
-        self.rested_s += duration_s
-
-    def request(self, kind: str, details: dict[str, Any]) -> str:
-        if kind == "impossible":
-            raise ValueError("request 'impossible': can't be done")
-        self.requests.append((kind, details))
-        return f"{kind} done"
-
-    def arm(self) -> dict[str, Any]:
-        return {"command_v": np.float64(self.command_v[-1]), "in_contact": np.bool_(False)}
-
-    def truth(self) -> dict[str, Any]:
-        return {"seed": 2**40, "zeros": np.array([1.0, 2.0]), "pair": (1, None)}
+QUIET = """
+[specimens]
+published_tissue = true
+[noise]
+force_mn_rms = 0.0
+position_um_rms = 0.0
+[converters]
+bits = 0
+offset_mv_rms = 0.0
+"""
 
 
-class Client:
-    """The driver's client, connected to one bench; makes tasks as the rig would."""
+@dataclass(frozen=True)
+class Played:
+    """What a motion gave: true units, and where its phases are."""
 
-    def __init__(self, address: str) -> None:
-        self.channel = grpc.insecure_channel(address)
-        self.tasks: list[nidaqmx.Task] = []
+    world: World
+    position_mm: FloatArray
+    force_mn: FloatArray
+    phases: dict[str, slice]
 
-    def options(self, name: str = "", behavior: int = 0) -> nidaqmx.GrpcSessionOptions:
-        return nidaqmx.GrpcSessionOptions(
-            self.channel,
-            name,
-            initialization_behavior=nidaqmx.grpc_session_options.SessionInitializationBehavior(behavior),
+    def force(self, phase: str) -> FloatArray:
+        return self.force_mn[self.phases[phase]]
+
+    def position(self, phase: str) -> FloatArray:
+        return self.position_mm[self.phases[phase]]
+
+
+def line(start_mm: float, stop_mm: float, speed_mm_s: float) -> FloatArray:
+    """Command of a straight line, samples after now."""
+    n = max(round(abs(stop_mm - start_mm) / speed_mm_s * SAMPLE_RATE_HZ), 1)
+    return start_mm + (stop_mm - start_mm) * np.arange(1, n + 1) / n
+
+
+def hold(at_mm: float, duration_s: float) -> FloatArray:
+    return np.full(round(duration_s * SAMPLE_RATE_HZ), at_mm)
+
+
+def volts(world: World, command_mm: FloatArray) -> FloatArray:
+    c = world.constants
+    return c.command_zero_v + c.command_volts_per_mm * command_mm
+
+
+def play(world: World, parts: Sequence[tuple[str, FloatArray]]) -> Played:
+    """Play named pieces of a command in mm."""
+    readings = world.advance(volts(world, np.concatenate([p for _, p in parts])))
+    c = world.constants
+    phases, start = {}, 0
+    for name, piece in parts:
+        phases[name] = slice(start, start + len(piece))
+        start += len(piece)
+    return Played(
+        world,
+        (readings.position_v - c.position_zero_v) / c.volts_per_mm,
+        (readings.force_v - c.force_zero_v) / c.volts_per_mn,
+        phases,
+    )
+
+
+def trial_parts(
+    surface_mm: float, depth_mm: float = 0.6, hold_s: float = 3.0
+) -> list[tuple[str, FloatArray]]:
+    """A published trial whose dwell is 0.06 mm deep, from 0.4 mm short of the surface."""
+    short, touch, deep = surface_mm - 0.4, surface_mm + 0.06, surface_mm + 0.06 + depth_mm
+    return [
+        ("approach", np.concatenate([hold(short, 0.1), line(short, touch, 1.0)])),
+        ("dwell", hold(touch, 2.0)),
+        ("ramp", line(touch, deep, 5.0)),
+        ("hold", hold(deep, hold_s)),
+        ("retract", line(deep, short, 5.0)),
+        ("clear", hold(short, 0.5)),
+    ]
+
+
+def play_trial(
+    settings: BenchSettings,
+    *,
+    depth_mm: float = 0.6,
+    trials: int = 1,
+    rest_s: float = 20.0,
+    hold_s: float = 3.0,
+) -> list[Played]:
+    """Play the same trial at new sites of a finger on one bench."""
+    world = World(settings)
+    played = []
+    for i in range(trials):
+        park = float(world.arm().position_mm)
+        world.advance(volts(world, line(park, 1.0, 20.0)))
+        world.rest(rest_s)
+        world.request("place_finger", {"finger": "index", "site": f"s{i}", "repeat": 1})
+        surface_mm = world.specimen.surface_mm
+        world.advance(
+            volts(world, np.concatenate([line(1.0, surface_mm - 0.4, 20.0), hold(surface_mm - 0.4, 0.2)]))
         )
-
-    def task(self, name: str = "", behavior: int = 0) -> nidaqmx.Task:
-        task = nidaqmx.Task(name, grpc_options=self.options(name, behavior))
-        self.tasks.append(task)
-        return task
-
-    def input(
-        self,
-        channels: str = "Dev1/ai0:2",
-        *,
-        mode: AcquisitionType = AcquisitionType.CONTINUOUS,
-        n: int = 80_000,
-    ) -> nidaqmx.Task:
-        task = self.task()
-        task.ai_channels.add_ai_voltage_chan(channels, min_val=-10.0, max_val=10.0)
-        task.timing.cfg_samp_clk_timing(RATE_HZ, sample_mode=mode, samps_per_chan=n)
-        return task
-
-    def output(
-        self,
-        volts: np.ndarray | None = None,
-        *,
-        n: int | None = None,
-        mode: AcquisitionType = AcquisitionType.FINITE,
-        with_input: bool = False,
-        regenerate: bool = False,
-    ) -> nidaqmx.Task:
-        """An output task, loaded with `volts` but not started; on AI's start trigger where `with_input`."""
-        task = self.task()
-        task.ao_channels.add_ao_voltage_chan("Dev1/ao0", min_val=-10.0, max_val=10.0)
-        length = n if n is not None else 1000 if volts is None else len(volts)
-        task.timing.cfg_samp_clk_timing(RATE_HZ, sample_mode=mode, samps_per_chan=length)
-        if not regenerate:
-            task.out_stream.regen_mode = RegenerationMode.DONT_ALLOW_REGENERATION
-        if with_input:
-            task.triggers.start_trigger.cfg_dig_edge_start_trig("/Dev1/ai/StartTrigger")
-        if volts is not None:
-            assert task.write(volts, auto_start=False) == len(volts)
-        return task
-
-    def close(self) -> None:
-        for task in self.tasks:
-            if task._handle is not None:
-                task.close()
-        self.channel.close()
+        world.begin_trial()
+        played.append(play(world, trial_parts(surface_mm, depth_mm, hold_s)))
+    return played
 
 
-class Bench:
-    """A served bench with its world and a client."""
+@pytest.fixture(scope="session")
+def quiet() -> Callable[..., BenchSettings]:
+    """Function (more TOML, seed) -> settings of a bench without noise and with ideal converters."""
 
-    def __init__(self, settings: dict[str, Any], world: Any) -> None:
-        self.world = world
-        self.services = Services(BenchSettings(**settings), bench=world)
-        self.card = self.services.card
-        self.address = self.services.addresses["card"]
-        self.client = Client(self.address)
+    def make(more: str = "", seed: int = 5) -> BenchSettings:
+        return BenchSettings.from_toml(f"seed = {seed}\n{QUIET}\n{more}")
 
-    def close(self) -> None:
-        self.client.close()
-        self.services.close()
+    return make
 
 
-@pytest.fixture
-def served() -> Iterator[Callable[..., Bench]]:
-    """Serve a bench with a counting world: `served(time="virtual", ...)`."""
-    with ExitStack() as stack:
+@pytest.fixture(scope="session")
+def bench() -> type:
+    """The helpers of this file."""
 
-        def start(**settings: Any) -> Bench:
-            bench = Bench({"time": "virtual", "initial_command_v": 0.0, **settings}, CountingWorld())
-            stack.callback(bench.close)
-            return bench
+    class Bench:
+        line = staticmethod(line)
+        hold = staticmethod(hold)
+        volts = staticmethod(volts)
+        play = staticmethod(play)
+        play_trial = staticmethod(play_trial)
+        trial_parts = staticmethod(trial_parts)
 
-        yield start
-
-
-@pytest.fixture(params=["virtual", "real"])
-def bench(request: pytest.FixtureRequest, served: Callable[..., Bench]) -> Bench:
-    """A bench in virtual and in real time, one after the other."""
-    return served(time=request.param)
-
-
-@pytest.fixture
-def virtual(served: Callable[..., Bench]) -> Bench:
-    """A bench in virtual time."""
-    return served()
+    return Bench

@@ -61,11 +61,7 @@ def _converted(path: Path, attribute: Attribute, raw: Any) -> Value:
     if isinstance(raw, np.generic):
         raw = raw.item()
     if attribute.type is str:
-        if isinstance(raw, str | bytes):
-            return text_of(path, attribute.where, raw)
-        if isinstance(raw, h5py.Empty):
-            return ""
-        raise bad_input(path, attribute.where, f"is not a text but {type(raw).__name__}", attribute.meaning)
+        return "" if isinstance(raw, h5py.Empty) else text_of(path, attribute.where, raw)
     if isinstance(raw, bool) or not isinstance(raw, int | float):
         kind = "a whole number" if attribute.type is int else "a number"
         raise bad_input(path, attribute.where, f"is {raw!r:.60}", f"it must be {kind} ({attribute.meaning})")
@@ -76,8 +72,10 @@ def _converted(path: Path, attribute: Attribute, raw: Any) -> Value:
     return int(raw)
 
 
-def text_of(path: Path, where: str, raw: str | bytes) -> str:
+def text_of(path: Path, where: str, raw: Any) -> str:
     """Decode fixed-length or variable text; h5py hands undecodable bytes on as surrogates."""
+    if not isinstance(raw, str | bytes):
+        raise bad_input(path, where, f"is not a text but {type(raw).__name__}", "write it as UTF-8 text")
     try:
         data = raw if isinstance(raw, bytes) else raw.encode("utf-8", "surrogateescape")
         return data.rstrip(b"\0").decode("utf-8")

@@ -9,6 +9,9 @@ import numpy as np
 
 from analysis.recordings.trial import FloatArray, Phase
 
+SMEAR_S = 0.004
+"""Speed is taken over twice this time, which smears the ends of a move."""
+
 _MOVING = 0.03  # share of the largest speed that counts as moving; a hold that creeps stays below it
 _SAME_LEVEL = 0.02  # share of the travel within which two rests are at the same height
 _ARRIVED = 0.005  # share of a move within which it has arrived
@@ -16,7 +19,7 @@ _NOISE_FACTOR = 6.0
 
 
 @dataclass(frozen=True, slots=True)
-class _Stretch:
+class Stretch:
     """Samples during which the lever moves one way (sign +1, -1) or rests (0)."""
 
     start: int
@@ -32,7 +35,7 @@ def phases_from_motion(position_mm: FloatArray, sample_rate_hz: float) -> tuple[
     what comes after is retract and clear.
     """
     noise = position_noise(position_mm)
-    stretches = _stretches(position_mm, sample_rate_hz, noise)
+    stretches = moves_and_rests(position_mm, sample_rate_hz)
     hold = _hold(position_mm, stretches)
     if hold is None:
         return ()
@@ -60,13 +63,16 @@ def position_noise(position_mm: FloatArray) -> float:
     return float(np.median(np.abs(np.diff(position_mm, 2))) / 0.6745 / np.sqrt(6))
 
 
-def _stretches(position_mm: FloatArray, rate: float, noise: float) -> list[_Stretch]:
-    """Split the motion into moves and rests; small wiggles count as rest."""
-    n = len(position_mm)
+def moves_and_rests(position_mm: FloatArray, sample_rate_hz: float) -> list[Stretch]:
+    """Split the motion (N,), mm, into moves and rests; small wiggles count as rest.
+
+    Ends are true to within SMEAR_S. Empty where nothing moves.
+    """
+    n, rate, noise = len(position_mm), sample_rate_hz, position_noise(position_mm)
     travel = float(np.ptp(position_mm)) if n else 0.0
     if n < 8 or travel <= 20 * noise:
         return []
-    lag = max(1, min(round(0.004 * rate), n // 200))
+    lag = max(1, min(round(SMEAR_S * rate), n // 200))
     speed = np.zeros(n)
     speed[lag:-lag] = (position_mm[2 * lag :] - position_mm[: -2 * lag]) * rate / (2 * lag)
     speed[:lag], speed[-lag:] = speed[lag], speed[-lag - 1]
@@ -75,12 +81,12 @@ def _stretches(position_mm: FloatArray, rate: float, noise: float) -> list[_Stre
     sign = np.where(np.abs(speed) > threshold, np.sign(speed), 0).astype(int)
     edges = np.flatnonzero(np.diff(sign)) + 1
     bounds = [0, *edges.tolist(), n]
-    raw = [_Stretch(a, b, int(sign[a])) for a, b in pairwise(bounds)]
+    raw = [Stretch(a, b, int(sign[a])) for a, b in pairwise(bounds)]
     smallest = max(_SAME_LEVEL * travel, _NOISE_FACTOR * noise)
     return _without_turns(_merged(raw, position_mm, smallest, 2 * lag), 6 * lag)
 
 
-def _without_turns(stretches: list[_Stretch], shortest: int) -> list[_Stretch]:
+def _without_turns(stretches: list[Stretch], shortest: int) -> list[Stretch]:
     """Leave away rests so short that they are only the moment in which a move turns round."""
     return [
         stretch
@@ -89,31 +95,31 @@ def _without_turns(stretches: list[_Stretch], shortest: int) -> list[_Stretch]:
     ]
 
 
-def _merged(raw: list[_Stretch], position_mm: FloatArray, smallest_mm: float, gap: int) -> list[_Stretch]:
+def _merged(raw: list[Stretch], position_mm: FloatArray, smallest_mm: float, gap: int) -> list[Stretch]:
     """Join moves the same way across short rests, turn negligible moves into rest, join neighbours."""
     n = len(position_mm)
 
-    def displacement(stretch: _Stretch) -> float:
+    def displacement(stretch: Stretch) -> float:
         return abs(float(position_mm[min(stretch.stop, n - 1)] - position_mm[stretch.start]))
 
-    joined: list[_Stretch] = []
+    joined: list[Stretch] = []
     for stretch in raw:
         short_rest = len(joined) >= 2 and joined[-1].sign == 0 and joined[-1].stop - joined[-1].start <= gap
         if short_rest and stretch.sign and joined[-2].sign == stretch.sign:
-            joined[-2:] = [_Stretch(joined[-2].start, stretch.stop, stretch.sign)]
+            joined[-2:] = [Stretch(joined[-2].start, stretch.stop, stretch.sign)]
         else:
             joined.append(stretch)
-    result: list[_Stretch] = []
+    result: list[Stretch] = []
     for stretch in joined:
         sign = stretch.sign if displacement(stretch) >= smallest_mm else 0
         if result and result[-1].sign == sign:
-            result[-1] = _Stretch(result[-1].start, stretch.stop, sign)
+            result[-1] = Stretch(result[-1].start, stretch.stop, sign)
         else:
-            result.append(_Stretch(stretch.start, stretch.stop, sign))
+            result.append(Stretch(stretch.start, stretch.stop, sign))
     return result
 
 
-def _hold(position_mm: FloatArray, stretches: list[_Stretch]) -> int | None:
+def _hold(position_mm: FloatArray, stretches: list[Stretch]) -> int | None:
     """Return the index of the longest rest at the deepest level that a push leads to."""
     rests = [i for i, s in enumerate(stretches) if s.sign == 0 and i > 0 and stretches[i - 1].sign > 0]
     if not rests:
@@ -125,9 +131,7 @@ def _hold(position_mm: FloatArray, stretches: list[_Stretch]) -> int | None:
     )
 
 
-def _sharpened(
-    position_mm: FloatArray, move: _Stretch, rest: _Stretch | None, noise: float
-) -> tuple[int, int]:
+def _sharpened(position_mm: FloatArray, move: Stretch, rest: Stretch | None, noise: float) -> tuple[int, int]:
     """Trim a move, whose ends the speed's lag has smeared, to where it leaves and where it arrives."""
     x = position_mm[move.start : move.stop]
     tolerance = max(_ARRIVED * float(np.ptp(x)), 4 * noise)
@@ -141,7 +145,7 @@ def _sharpened(
     return start, max(stop, start + 1)
 
 
-def _before_ramp(before: list[_Stretch], ramp_start: int) -> list[Phase]:
+def _before_ramp(before: list[Stretch], ramp_start: int) -> list[Phase]:
     if not before:
         return [Phase("approach", 0, ramp_start)] if ramp_start else []
     if len(before) >= 2 and before[-1].sign == 0 and before[-2].sign > 0:

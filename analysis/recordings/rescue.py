@@ -8,12 +8,14 @@ from datetime import datetime
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+
 from analysis.errors import BadInputError
 from analysis.recordings.folders import find_trials
 from analysis.recordings.locking import is_locked
-from analysis.recordings.motion import phases_from_motion
+from analysis.recordings.motion import SMEAR_S, Stretch, moves_and_rests, phases_from_motion
 from analysis.recordings.reading import read_trial
-from analysis.recordings.trial import PHASE_NAMES, Phase, Trial
+from analysis.recordings.trial import Phase, Trial
 from analysis.recordings.writing import SOFTWARE, replace_trial, software_version
 
 
@@ -82,22 +84,55 @@ def _completed(trial: Trial) -> tuple[tuple[Phase, ...], str]:
     n = trial.n_samples
     if trial.kind == "air_sweep":
         return (Phase("sweep", 0, n),), "phases: one sweep, as the kind says"
-    covered = trial.phases[-1].stop if trial.phases else 0
-    if covered == n:
+    if trial.phases and trial.phases[-1].stop == n:
         return trial.phases, "phases: as the run had written them, cut at the last sample"
-    if trial.kind not in {"ramp_hold_retract", "rigid_target"}:
-        return trial.phases, "phases: as the run had written them"
     motion = trial.position_mm if trial.command_mm is None else trial.command_mm
-    found = phases_from_motion(motion, trial.sample_rate_hz)
-    last = PHASE_NAMES.index(trial.phases[-1].name) if trial.phases else 0
-    tail = tuple(
-        Phase(phase.name, max(phase.start, covered), phase.stop)
-        for phase in found
-        if phase.stop > covered and PHASE_NAMES.index(phase.name) >= last
-    )
-    if not tail:
-        return trial.phases, f"phases: not known from sample {covered} on"
-    kept = trial.phases
-    if kept and kept[-1].name == tail[0].name and kept[-1].stop == tail[0].start:
-        kept, tail = kept[:-1], (Phase(tail[0].name, kept[-1].start, tail[0].stop), *tail[1:])
-    return (*kept, *tail), f"phases from sample {covered} on: found from the motion"
+    if trial.phases:
+        last = trial.phases[-1]
+        found = _continued(last, moves_and_rests(motion, trial.sample_rate_hz), n, trial.sample_rate_hz)
+        return (*trial.phases[:-1], *found), f"phases after sample {last.stop}: found from the motion"
+    phases = phases_from_motion(motion, trial.sample_rate_hz)
+    ramp = next((phase for phase in phases if phase.name == "ramp"), None)
+    depth_mm = trial.protocol.depth_mm
+    # a rest at the surface looks like a hold; only a push of the protocol's depth is taken for its ramp
+    if ramp is None or depth_mm is None or abs(np.ptp(motion[ramp.samples]) - depth_mm) > 0.2 * depth_mm:
+        return (), "phases: none, the run had written none and the motion does not show the protocol's ramp"
+    return phases, "phases: found from the motion"
+
+
+def _continued(last: Phase, stretches: Sequence[Stretch], n_samples: int, rate: float) -> tuple[Phase, ...]:
+    """Return the phases from the last one written, which was still running, to the last sample.
+
+    It goes on until the motion shows that the next one has begun.
+    """
+    shortest = 2 * SMEAR_S * rate
+    phases = [last]
+    pushed = any(stretch.sign > 0 and stretch.start < last.stop for stretch in stretches)
+    for stretch in stretches:
+        start = max(stretch.start, last.stop)
+        if stretch.stop - start < shortest:
+            continue
+        now = phases[-1]
+        name = _next_name(now.name, stretch.sign, pushed=pushed)
+        pushed = pushed or stretch.sign > 0
+        if name != now.name:
+            phases[-1] = Phase(now.name, now.start, start)
+            phases.append(Phase(name, start, stretch.stop))
+    final = phases[-1]
+    phases[-1] = Phase(final.name, final.start, n_samples)
+    return tuple(phase for phase in phases if phase.stop > phase.start)
+
+
+def _next_name(name: str, sign: int, *, pushed: bool) -> str:
+    """Return the phase that a stretch of motion belongs to, after a phase of that name."""
+    after = {
+        ("approach", 0): "dwell" if pushed else "approach",
+        ("dwell", 1): "ramp",
+        ("ramp", 0): "hold",
+        ("approach", -1): "retract",
+        ("dwell", -1): "retract",
+        ("ramp", -1): "retract",
+        ("hold", -1): "retract",
+        ("retract", 0): "clear",
+    }
+    return after.get((name, sign), name)

@@ -11,6 +11,7 @@ from analysis.relaxation.windows import FitWindow
 
 _MOST_BLOCKS = 400
 _CANDIDATES = 60
+_LEAST_APPROACH = 0.05  # of all travel; an approach that is shorter is none
 _LEAST_GAIN = 30.0  # in squared noise: a hinge must beat the straight line by this
 
 
@@ -28,10 +29,22 @@ class Contact:
 
 
 def find_contact(window: FitWindow) -> Contact:
-    """Return the contact point from force = offset + slope max(position - contact, 0) over the approach."""
-    stop = window.approach_stop if window.approach_stop > 8 else window.hold_start
+    """Return the contact point from force = offset + slope max(position - contact, 0) over the approach.
+
+    Where no hinge shows, contact is where the recording says that the skin was found, if it began short
+    of it.
+    """
+    stop = window.approach_stop
+    travel_mm = float(np.ptp(window.position_mm))
+    if stop <= 8 or float(np.ptp(window.position_mm[:stop])) < _LEAST_APPROACH * travel_mm:
+        stop = window.hold_start  # no approach of its own: contact is made in the ramp
     start_mm = float(window.position_mm[0])
     unseen = Contact(start_mm, 0, float(window.force_mn[0]), seen=False)
+    if window.surface_mm is not None and window.surface_mm - start_mm > _LEAST_APPROACH * travel_mm:
+        beyond = np.flatnonzero(window.position_mm[: window.hold_start] > window.surface_mm)
+        if beyond.size:
+            before_mn = float(np.median(window.force_mn[: beyond[0] + 1]))
+            unseen = Contact(window.surface_mm, int(beyond[0]), before_mn, seen=True)
     if stop < 8:
         return unseen
     step = max(1, stop // _MOST_BLOCKS)

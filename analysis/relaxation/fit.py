@@ -14,6 +14,8 @@ from analysis.relaxation.result import Amplitudes, Estimate, Model, TrialFit
 from analysis.relaxation.step_fit import StepSolution, fit_step
 from analysis.relaxation.windows import CannotFitError, FitWindow, cut_window
 
+_LEAST_ELASTIC = 1e-3  # of the instantaneous stiffness
+
 
 def fit_trial(trial: Trial, model: Model = "ramp") -> TrialFit:
     """Fit one trial. Never raises: a trial that can't be fitted comes back with the reason in ``failure``."""
@@ -60,8 +62,7 @@ def _before(values: FloatArray, index: int) -> FloatArray:
 
 def _ramp_row(labels: TrialFit, trial: Trial, window: FitWindow, found: RampSolution) -> TrialFit:
     k0, n_arms = float(found.stiffness_mn_per_mm[0]), len(found.times_s)
-    if not k0 > 0:
-        raise CannotFitError(f"the force does not grow with depth: k0 would be {k0:.3g} mN/mm")
+    _check_elastic(k0 / float(np.sum(found.stiffness_mn_per_mm)), window)
     hold_mm = float(np.mean(found.blocks.position_mm[found.blocks.edges >= window.hold_start]))
     indentation_mm = hold_mm - found.contact_mm
     # columns of the covariance: k0, k1.., offset, log t1.., contact
@@ -103,8 +104,7 @@ def _ramp_row(labels: TrialFit, trial: Trial, window: FitWindow, found: RampSolu
 
 def _step_row(labels: TrialFit, trial: Trial, window: FitWindow, found: StepSolution) -> TrialFit:
     a0, n_terms = float(found.amplitudes_mn[0]), len(found.times_s)
-    if not a0 > 0:
-        raise CannotFitError(f"the hold has no elastic part: A0 would be {a0:.3g} mN")
+    _check_elastic(a0 / float(np.sum(found.amplitudes_mn)), window)
     estimates = {"A0_mn": Estimate(a0, float(np.sqrt(max(found.covariance[0, 0], 0.0))))}
     for i in range(n_terms):
         ratio = float(found.amplitudes_mn[1 + i]) / a0
@@ -120,6 +120,14 @@ def _step_row(labels: TrialFit, trial: Trial, window: FitWindow, found: StepSolu
     rms_mn, r2 = _goodness(window, found)
     row = replace(labels, estimates=estimates, stiffness_mn_per_um=stiffness, rms_mn=rms_mn, r2=r2)
     return _accepted(replace(row, checks=checks_of_step(trial, window, found, row)))
+
+
+def _check_elastic(share: float, window: FitWindow) -> None:
+    if not share > _LEAST_ELASTIC:
+        raise CannotFitError(
+            f"no elastic part can be told (A0 would be {share:.2g} of the whole): "
+            f"the relaxation outlasts the hold of {window.hold_s:.3g} s"
+        )
 
 
 def _spread(by: FloatArray, covariance: FloatArray) -> float:

@@ -96,7 +96,13 @@ def estimate_covariance(
     ``jacobian`` (P, K) by block, ``weights`` (K,) the samples in each, ``edges`` (K + 1,) their sample
     indices.
     """
-    influence = influences(jacobian, weights)
+    return noise_covariance(influences(jacobian, weights), weights, edges, noise)
+
+
+def noise_covariance(
+    influence: FloatArray, weights: FloatArray, edges: NDArray[np.int64], noise: NoiseSpectrum
+) -> FloatArray:
+    """Return the covariance (P, P) of sums in which the noise of a sample of block b counts as influence."""
     reached = np.concatenate([np.zeros((len(influence), 1)), np.cumsum(influence * weights, axis=1)], axis=1)
     marks = np.arange(edges[0], edges[-1] + noise.cell, noise.cell)
     cells = np.diff(np.stack([np.interp(marks, edges, row) for row in reached]), axis=1)

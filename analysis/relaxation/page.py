@@ -192,6 +192,7 @@ def _prediction_cells(item: CrossPrediction) -> dict[str, Any]:
         "other_ramp": _number(item.other_ramp_s, 3),
         "rms": _number(item.rms_mn, 3),
         "share": _number(100.0 * item.share, 3),
+        "peak": _number(100.0 * item.peak_share, 3),
         "r2": _number(item.r2, 4),
         "failed": item.failed,
     }

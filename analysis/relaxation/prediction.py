@@ -12,6 +12,7 @@ from analysis.relaxation.blocks import condense
 from analysis.relaxation.constants import StepAnswer
 from analysis.relaxation.contact import find_contact
 from analysis.relaxation.result import TrialFit
+from analysis.relaxation.signal_checks import sample_noise
 from analysis.relaxation.windows import CannotFitError, cut_window
 
 
@@ -30,12 +31,14 @@ class Curve:
 class Prediction:
     """How well one trial's solid says another's force.
 
-    ``rms_mn`` of the force it misses, ``share`` of that in the other's largest force; ``r2`` beside,
-    which hides it.
+    ``rms_mn`` of the force is missed, ``share`` is that in the force's range; ``peak_share`` by how much the
+    peak is said too high, in the same range; ``noise_mn`` the recording's own noise; ``r2`` hides all that.
     """
 
     rms_mn: float
     share: float
+    peak_share: float
+    noise_mn: float
     r2: float
 
 
@@ -65,11 +68,18 @@ def predict(row: TrialFit, other: Trial, contact_mm: float) -> Prediction:
     window = cut_window(other)
     said_mn = _solid_force(other, row, contact_mm)
     force_mn = window.force_mn[: len(said_mn)]
+    said_mn = said_mn + float(np.mean(force_mn - said_mn))
     missed_mn = force_mn - said_mn
-    missed_mn = missed_mn - missed_mn.mean()
     rms_mn = float(np.sqrt(np.mean(missed_mn**2)))
     largest_mn = float(np.ptp(force_mn))
-    return Prediction(rms_mn, rms_mn / largest_mn, 1.0 - rms_mn**2 / float(np.var(force_mn)))
+    peak = min(window.hold_start, len(said_mn) - 1)
+    return Prediction(
+        rms_mn=rms_mn,
+        share=rms_mn / largest_mn,
+        peak_share=float(said_mn[peak] - force_mn[peak]) / largest_mn,
+        noise_mn=sample_noise(force_mn),
+        r2=1.0 - rms_mn**2 / float(np.var(force_mn)),
+    )
 
 
 def _solid_force(trial: Trial, row: TrialFit, contact_mm: float) -> FloatArray:

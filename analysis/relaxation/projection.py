@@ -64,17 +64,52 @@ def solve_separable(
     start: FloatArray,
     low: FloatArray,
     high: FloatArray,
+    n_springs: int,
 ) -> Solution:
     """Return the least-squares solution for ``target`` (K,) with ``weights`` (K,), from ``start`` (P,).
 
-    ``low`` and ``high`` (P,) bound the nonlinear parameters. Raises CannotFitError where the model has
-    no finite value at the start.
+    ``low`` and ``high`` (P,) bound the nonlinear parameters. The first ``n_springs`` amplitudes are
+    springs: where the best solution would have a negative one, the search is held to those that have
+    none. Raises CannotFitError where the model has no finite value at the start.
     """
-    roots = np.sqrt(weights)
-    parameters = np.clip(start, low, high)
-    state = _evaluate(model, target, roots, parameters)
-    if state is None:
+    roots, begin = np.sqrt(weights), np.clip(start, low, high)
+    free = _search(model, target, roots, start=begin, low=low, high=high)
+    if free is None:
         raise CannotFitError("the model has no finite value at the starting point")
+    if np.all(free.amplitudes[:n_springs] >= 0):
+        return free
+    held = _search(
+        model,
+        target,
+        np.sqrt(weights),
+        start=np.clip(start, low, high),
+        low=low,
+        high=high,
+        n_springs=n_springs,
+    )
+    if held is None:
+        worst = float(np.min(free.amplitudes[:n_springs]) / np.max(np.abs(free.amplitudes[:n_springs])))
+        raise CannotFitError(
+            f"no springs and dashpots fit: a spring would be negative ({worst:.2g} of the largest)"
+        )
+    return held
+
+
+def _search(
+    model: Callable[[FloatArray], Rows],
+    target: FloatArray,
+    roots: FloatArray,
+    *,
+    start: FloatArray,
+    low: FloatArray,
+    high: FloatArray,
+    n_springs: int = 0,
+) -> Solution | None:
+    """Return the solution near ``start``; None if one of ``n_springs`` amplitudes is negative there."""
+    parameters = start
+    state = _evaluate(model, target, roots, parameters, n_springs)
+    if state is None:
+        return None
     damping, settled = 1e-3, len(parameters) == 0
     for _ in range(_MOST_STEPS):
         if settled:
@@ -84,7 +119,7 @@ def solve_separable(
         scale = np.maximum(np.diag(normal), 1e-300)
         step = np.linalg.solve(normal + damping * np.diag(scale), gradient)
         proposed = np.clip(parameters + step, low, high)
-        trial = _evaluate(model, target, roots, proposed)
+        trial = _evaluate(model, target, roots, proposed, n_springs)
         if trial is None or trial.squares > state.squares:
             damping *= 8.0
             settled = damping > 1e12 or bool(np.all(np.abs(proposed - parameters) < _NEAR_SETTLED_STEP))
@@ -102,9 +137,13 @@ def solve_separable(
 
 
 def _evaluate(
-    model: Callable[[FloatArray], Rows], target: FloatArray, roots: FloatArray, parameters: FloatArray
+    model: Callable[[FloatArray], Rows],
+    target: FloatArray,
+    roots: FloatArray,
+    parameters: FloatArray,
+    n_springs: int,
 ) -> _State | None:
-    """Return the state at ``parameters``, None where it is not finite or the amplitudes are undetermined."""
+    """Return the state, None where it is not finite, amplitudes are undetermined or a spring is negative."""
     built = model(parameters)
     orthogonal, triangle = np.linalg.qr((built.rows * roots).T)
     aim = target * roots
@@ -113,6 +152,8 @@ def _evaluate(
         return None
     shares = orthogonal.T @ aim
     amplitudes = np.linalg.solve(triangle, shares)
+    if np.any(amplitudes[:n_springs] < 0):
+        return None
     residual = aim - orthogonal @ shares
     slopes = built.slopes(amplitudes)
     weighted = slopes * roots

@@ -58,7 +58,7 @@ def _shared(
 ) -> tuple[Check, ...]:
     return (
         signal_checks.hold_not_constant(window),
-        signal_checks.control_mode_changed(window),
+        signal_checks.control_mode_changed(trial, window),
         signal_checks.contact_lost(window, offset_mn),
         signal_checks.saturation(trial, window),
         signal_checks.motion_artefact(window, in_hold_mn),
@@ -74,7 +74,7 @@ def _half_window_of_ramp(window: FitWindow, found: RampSolution, log_error: floa
     half = found.blocks.until((window.hold_start + len(window.time_s)) // 2)
     contact = Contact(found.contact_mm, 0, found.offset_mn, seen=found.contact_seen)
     try:
-        solution, _ = solve_blocks(half, window, contact, len(found.times_s), found.solution.parameters)
+        solution, _ = solve_blocks(half, window, contact, len(found.times_s), found.parameters)
     except CannotFitError:
         return _window_check(np.nan, np.inf)
     n_arms = len(found.times_s)

@@ -23,7 +23,9 @@ _MOST_ARMS = 4
 class RampSolution:
     """The fitted solid: stiffnesses (1 + n_arms,) mN/mm, k0 first; times (n_arms,) s, longest first.
 
-    ``covariance`` is that of (k0, k1.., offset, log t1.., contact), the last only where contact was seen.
+    ``covariance`` is that of (k0, k1.., offset, log t1.., contact), the last only where contact was
+    seen; ``jacobian`` (P, K) the model's derivatives by them over the blocks; ``squares`` the sum of
+    squares weighted by samples; ``parameters`` the search's own (log times as found, contact).
     """
 
     stiffness_mn_per_mm: FloatArray
@@ -35,7 +37,9 @@ class RampSolution:
     residual_mn: FloatArray
     noise: NoiseSpectrum
     blocks: Blocks
-    solution: Solution
+    squares: float
+    jacobian: FloatArray
+    parameters: FloatArray
 
 
 class RampModel:
@@ -98,7 +102,9 @@ def solve_blocks(
         high = np.full(n_arms, np.log(longest_s))
         if candidate.seen:
             low, high = np.append(low, lowest_mm), np.append(high, highest_mm)
-        solution = solve_separable(model, blocks.force_mn, blocks.counts, start=begin, low=low, high=high)
+        solution = solve_separable(
+            model, blocks.force_mn, blocks.counts, start=begin, low=low, high=high, n_springs=1 + n_arms
+        )
         if not (candidate.seen and solution.at_bound[-1]):
             return solution, candidate
     return solution, candidate
@@ -143,5 +149,7 @@ def _finish(
         residual_mn,
         noise,
         blocks,
-        solution,
+        solution.squares,
+        solution.jacobian[rows],
+        solution.parameters,
     )

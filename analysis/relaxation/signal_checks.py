@@ -27,7 +27,7 @@ def _bin_means(values: FloatArray, bins: int = _BINS) -> FloatArray:
     return np.add.reduceat(values, edges[:-1]) / np.diff(edges)
 
 
-def _sample_noise(values: FloatArray) -> float:
+def sample_noise(values: FloatArray) -> float:
     """Standard deviation of what differs from sample to sample."""
     if len(values) < 4:
         return 0.0
@@ -51,14 +51,22 @@ def hold_not_constant(window: FitWindow) -> Check:
     held_mm = _held_mm(window)
     means = _bin_means(held_mm)
     range_um = 1e3 * float(np.ptp(means))
-    noise_um = 1e3 * _sample_noise(held_mm) * float(np.sqrt(_BINS / len(held_mm)))
+    noise_um = 1e3 * sample_noise(held_mm) * float(np.sqrt(_BINS / len(held_mm)))
     limit = max(1e3 * _STEADY_SHARE * _travel_mm(window), 6.0 * noise_um)
     text = f"the lever moved by {range_um:.3g} um in the hold"
     return Check("hold_not_constant", range_um, limit, "um", range_um > limit, text)
 
 
-def control_mode_changed(window: FitWindow) -> Check:
-    """Ask whether the lever left the held position for good, as it does when force takes over control."""
+def control_mode_changed(trial: Trial, window: FitWindow) -> Check:
+    """Ask whether the lever left the held position for good, as it does when force takes over control.
+
+    An import that saw a change of control mode while it looked for the hold says so in its events.
+    """
+    stop = window.first_sample + len(window.time_s)
+    for event in trial.events:
+        if event.kind == "control_mode" and window.first_sample + window.ramp_start <= event.sample <= stop:
+            at_s = (event.sample - window.first_sample - window.hold_start) * window.step_s
+            return Check("control_mode_changed", at_s, window.hold_s, "s", True, event.message)
     held_mm = _held_mm(window)
     means = _bin_means(held_mm)
     limit_mm = _LEFT_SHARE * _travel_mm(window)
@@ -81,7 +89,7 @@ def contact_lost(window: FitWindow, offset_mn: float) -> Check:
     force_mn = window.force_mn[window.hold_start :] - offset_mn
     length = max(1, round(0.01 / window.step_s))
     means = _bin_means(force_mn, max(1, len(force_mn) // length))
-    level = max(0.02 * float(np.max(means)), 4.0 * _sample_noise(force_mn) / float(np.sqrt(length)))
+    level = max(0.02 * float(np.max(means)), 4.0 * sample_noise(force_mn) / float(np.sqrt(length)))
     lost_ms = 1e3 * window.hold_s * float(np.mean(means < level))
     text = f"the force was gone for {lost_ms:.3g} ms of the hold"
     return Check("contact_lost", lost_ms, 0.0, "ms", lost_ms > 0, text)
@@ -96,7 +104,7 @@ def saturation(trial: Trial, window: FitWindow) -> Check:
         count = int(
             np.sum(np.abs(force_v) >= _CONVERTER_END_V) + np.sum(np.abs(position_v) >= _CONVERTER_END_V)
         )
-    if _sample_noise(window.force_mn) > 0:
+    if sample_noise(window.force_mn) > 0:
         for end in (window.force_mn.max(), window.force_mn.min()):
             flat = np.flatnonzero(window.force_mn == end)
             if len(flat) < _FLAT_RUN:

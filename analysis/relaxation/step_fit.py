@@ -90,7 +90,9 @@ def solve_hold(
     if start is None:
         start = _starting_times(blocks, n_terms, shortest_s, window.hold_s)
     low, high = np.full(n_terms, np.log(shortest_s)), np.full(n_terms, np.log(longest_s))
-    return solve_separable(model, blocks.force_mn, blocks.counts, start=start, low=low, high=high)
+    return solve_separable(
+        model, blocks.force_mn, blocks.counts, start=start, low=low, high=high, n_springs=1 + n_terms
+    )
 
 
 def _condense(window: FitWindow) -> HoldBlocks:

@@ -23,7 +23,7 @@ class FitWindow:
     ``time_s`` counts from the first sample of the window. ``even`` says that samples are evenly spaced by
     ``step_s``; otherwise it is their median spacing. ``ramp_start`` and ``hold_start`` index the window;
     the pre-ramp stretch before ``approach_stop`` is where contact is made. ``command_mm`` is None where none
-    was recorded.
+    was recorded; ``surface_mm`` is where the recording itself says that the skin was found, or None.
     """
 
     time_s: FloatArray
@@ -36,6 +36,7 @@ class FitWindow:
     ramp_start: int
     hold_start: int
     first_sample: int
+    surface_mm: float | None
 
     @property
     def hold_s(self) -> float:
@@ -93,6 +94,7 @@ def _even(trial: Trial, marks: NDArray[np.int64]) -> FitWindow:
         ramp_start=ramp_start - first,
         hold_start=hold_start - first,
         first_sample=first,
+        surface_mm=None if trial.surface is None else trial.surface.position_mm,
     )
 
 
@@ -117,4 +119,5 @@ def _native(trial: Trial, marks: NDArray[np.int64]) -> FitWindow:
         ramp_start=ramp_start - first,
         hold_start=hold_start - first,
         first_sample=int(marks[0]),
+        surface_mm=None if trial.surface is None else trial.surface.position_mm,
     )

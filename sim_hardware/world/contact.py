@@ -31,14 +31,14 @@ _CLOSE_MM = 1e-13
 _TRIES = 60
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _elongation(d: float, c: FloatArray) -> tuple[float, float]:
     """Return e(d) = d + b d^2 + cubic d^3 + quartic d^4 and its slope."""
     e = d * (1 + d * (c[STIFFENING] + d * (c[CUBIC] + d * c[QUARTIC])))
     return e, 1 + d * (2 * c[STIFFENING] + d * (3 * c[CUBIC] + d * 4 * c[QUARTIC]))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _force(d: float, c: FloatArray, step: FloatArray) -> tuple[float, float]:
     """Return F(d) and its slope."""
     e, slope = _elongation(d, c)
@@ -46,7 +46,7 @@ def _force(d: float, c: FloatArray, step: FloatArray) -> tuple[float, float]:
     return force, step[TOTAL_GAIN] * slope + step[DASH]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _give_way(c: FloatArray, state: FloatArray, step: FloatArray) -> None:
     """Move what gives way slowly: glue under the mean force of the step, the support under the last.
 
@@ -69,16 +69,13 @@ def _give_way(c: FloatArray, state: FloatArray, step: FloatArray) -> None:
             state[SUPPORT_SPEED] = 0.0
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _pressed(w: float, c: FloatArray, step: FloatArray, free: float) -> tuple[float, float]:
     """Return d and F of a punch that presses: d + give(F(d)) = w, give = C F + slack F / (F + F_s).
 
     ``free`` is where F = 0, from where the search starts.
     """
     C, slack, slack_force = step[GIVE], c[SLACK], c[SLACK_FORCE]
-    if c[STIFFENING] == 0.0 and slack == 0.0:
-        d = (w - C * (step[FIXED] - step[DASH] * step[OLD])) / (1 + C * (step[TOTAL_GAIN] + step[DASH]))
-        return d, _force(d, c, step)[0]
     d = free
     for _ in range(_TRIES):
         force, slope = _force(d, c, step)
@@ -91,7 +88,7 @@ def _pressed(w: float, c: FloatArray, step: FloatArray, free: float) -> tuple[fl
     return d, _force(d, c, step)[0]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _peeling(w: float, c: FloatArray, step: FloatArray, state: FloatArray) -> tuple[float, float, float]:
     """Return d, F and opening o of a bond that peels.
 
@@ -114,13 +111,10 @@ def _peeling(w: float, c: FloatArray, step: FloatArray, state: FloatArray) -> tu
     return d, force, d + C * force - w
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _free(c: FloatArray, step: FloatArray) -> float:
     """Return d of a surface that nothing touches: F(d) = 0."""
     d = float(step[OLD])
-    if c[STIFFENING] == 0.0:
-        force, slope = _force(d, c, step)
-        return d - force / slope
     for _ in range(_TRIES):
         force, slope = _force(d, c, step)
         move = -force / slope
@@ -130,7 +124,7 @@ def _free(c: FloatArray, step: FloatArray) -> float:
     return d
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def contact_step(
     approach: float, c: FloatArray, arms: FloatArray, state: FloatArray, step: FloatArray
 ) -> None:
@@ -138,19 +132,26 @@ def contact_step(
 
     ``step`` (5,) is scratch room.
     """
-    _give_way(c, state, step)
+    step[GIVE] = c[COMPLIANCE]
+    if c[CREEP] > 0.0 or c[SUPPORT_MASS] > 0.0:
+        _give_way(c, state, step)
     w = approach - state[CREPT] - state[SUPPORT_SHIFT]
-    e_old = state[ELONGATION]
-    step[FIXED], step[TOTAL_GAIN] = 0.0, c[K0]
+    d_old, e_old = state[DEPRESSION], state[ELONGATION]
+    dash = c[DASHPOT] / c[STEP] if c[DASHPOT] > 0.0 else 0.0
+    fixed, gain = 0.0, c[K0]
     for i in range(arms.shape[1]):
-        step[FIXED] += arms[DECAY, i] * arms[LOAD, i] - arms[GAIN, i] * e_old
-        step[TOTAL_GAIN] += arms[GAIN, i]
-    step[DASH], step[OLD] = c[DASHPOT] / c[STEP], state[DEPRESSION]
+        fixed += arms[DECAY, i] * arms[LOAD, i] - arms[GAIN, i] * e_old
+        gain += arms[GAIN, i]
+    step[FIXED], step[TOTAL_GAIN], step[DASH], step[OLD] = fixed, gain, dash, d_old
 
-    free = _free(c, step)
+    linear = c[STIFFENING] == 0.0 and c[SLACK] == 0.0  # most benches: no search
+    free = (dash * d_old - fixed) / (gain + dash) if linear else _free(c, step)
     d, force, opening = free, 0.0, 0.0
     touching = w > free
-    if touching:
+    if touching and linear:
+        force = (w - free) / (step[GIVE] + 1 / (gain + dash))
+        d = w - step[GIVE] * force
+    elif touching:
         d, force = _pressed(w, c, step, free)
     elif state[BONDED] > 0.0 and c[PULL_OFF] > 0.0:
         if c[PEEL] == 0.0:  # textbook: rigid until it snaps
@@ -162,7 +163,7 @@ def contact_step(
         if not touching:
             d, force, opening = free, 0.0, 0.0
 
-    e, _ = _elongation(d, c)
+    e = d if c[STIFFENING] == 0.0 else _elongation(d, c)[0]
     for i in range(arms.shape[1]):
         arms[LOAD, i] = arms[DECAY, i] * arms[LOAD, i] + arms[GAIN, i] * (e - e_old)
     if c[SETTING_TIME] > 0.0:
@@ -175,7 +176,7 @@ def contact_step(
     state[OPENING] = max(opening, 0.0)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def contact_steps(
     tip: FloatArray, surface: FloatArray, c: FloatArray, arms: FloatArray, state: FloatArray
 ) -> FloatArray:
@@ -197,7 +198,7 @@ def contact_steps(
     return out
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def contact_rest(
     approach: float, duration_s: float, c: FloatArray, arms: FloatArray, state: FloatArray
 ) -> None:

@@ -17,6 +17,10 @@ _SLICE_S = 1.0
 """A rest passes in slices, so that it can be shown and stopped; in one where the clock outruns the wall's."""
 
 
+_SHORTEST_S = 1e-3
+"""What is left of a rest below this is none: a clock that counts samples may not move at all."""
+
+
 @dataclass(slots=True)
 class Prepared:
     """What a preparation brought to light: what was done, in a few words each, and the mass that hangs."""
@@ -123,7 +127,7 @@ class Preparations:
         left_s = step.since_last_s - (since_s or 0.0)
         slice_s = _SLICE_S
         with self._interrupts.waiting():
-            while left_s > 0:
+            while left_s > _SHORTEST_S:
                 self._say(f"resting, {clock_words(left_s)} left")
                 wall = time.monotonic()
                 before_s = clock.time_s()

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import logging
 import warnings
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from datetime import datetime
 from itertools import pairwise
@@ -27,7 +29,7 @@ def read_afm(path: Path, kind: Kind) -> list[Draft]:
     """
     try:
         import afmformats
-        from afmformats import errors
+        from afmformats.errors import AFMFileFormatError, MissingMetaDataError
     except ImportError as error:
         raise BadInputError(
             f"{path}: AFM files need the package afmformats: pip install indenter[afm]"
@@ -38,21 +40,30 @@ def read_afm(path: Path, kind: Kind) -> list[Draft]:
             f"{path}: files ending in {path.suffix or 'nothing'} are not known: "
             f"import takes .ddf, .csv, {', '.join(endings)}"
         )
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # the package warns of metadata that are not used here
-            curves = list(afmformats.load_data(path))
-            drafts = [_draft(path, curve, kind) for curve in curves]
-    except BadInputError:
-        raise
-    except (errors.AFMFormatsError, OSError, ValueError, KeyError, IndexError, TypeError) as error:
-        reason = " ".join(f"{type(error).__name__} {error}".split())[:160]
-        raise BadInputError(f"{path}: can't be read as an AFM file ({reason}): check the export") from error
+    own_errors = (AFMFileFormatError, MissingMetaDataError)  # no Exceptions, but BaseExceptions
+    drafts = [_draft(path, curve, kind) for curve in _curves(path, afmformats.load_data, own_errors)]
     if not drafts:
         raise BadInputError(f"{path}: holds no force curve: check the export")
     if len(drafts) == 1:
         return drafts
     return [replace(draft, name=f"{path.stem}-{number:04d}") for number, draft in enumerate(drafts)]
+
+
+def _curves(
+    path: Path, load: Callable[[Path], Iterable[Any]], own_errors: tuple[type[BaseException], ...]
+) -> list[Any]:
+    """Load every curve, quietly: the package warns of metadata not used here, and logs tracebacks."""
+    logger = logging.getLogger("afmformats")
+    was_disabled, logger.disabled = logger.disabled, True
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return list(load(path))
+    except (Exception, *own_errors) as error:  # its parsers of a dozen formats raise what they meet
+        reason = " ".join(f"{type(error).__name__} {error}".split())[:160]
+        raise BadInputError(f"{path}: can't be read as an AFM file ({reason}): check the export") from error
+    finally:
+        logger.disabled = was_disabled
 
 
 def _draft(path: Path, curve: Any, kind: Kind) -> Draft:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from analysis.errors import BadInputError
 from analysis.recordings.draft import Draft, trial_of
+from analysis.recordings.layout import FORMAT
 from analysis.recordings.trial import Kind, Trial
 from analysis.recordings.writing import write_trial
 
@@ -49,6 +50,8 @@ def read_drafts(file: Path, kind: Kind) -> list[Draft]:
         raise BadInputError(
             f"{file}: is a DMC protocol, it holds no samples: import the .ddf that it recorded"
         )
+    if ending == ".h5" and FORMAT.encode() in file.read_bytes():
+        raise BadInputError(f"{file}: is a trial file already: use it as it is")
     from analysis.recordings.import_afm import read_afm
 
     return read_afm(file, kind)

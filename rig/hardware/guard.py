@@ -59,10 +59,16 @@ class Guard:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._errors,
+            bufsize=0,  # a word is sent or it is not: none waits in a buffer for a pipe that has broken
             **own_session(self._hold_open),
         )
-        self._send(json.dumps(self._orders))
-        self._wait_until_ready(self._process)
+        try:
+            self._send(json.dumps(self._orders))
+            self._wait_until_ready(self._process)
+        except GuardError:
+            self._process.kill()
+            self._close(self._process)
+            raise
         threading.Thread(target=self._beat, name="heartbeat", daemon=True).start()
         return self
 
@@ -71,7 +77,7 @@ class Guard:
     ) -> None:
         self._ended.set()
         process = self._process
-        if process is None or process.stdin is None or process.stdout is None:
+        if process is None:
             return
         try:
             if not self._away:
@@ -80,10 +86,16 @@ class Guard:
             _log.warning("%s", failure)
         finally:
             # without "end" the closed pipe tells the guard to move the arm
-            process.stdin.close()
-            process.wait()
-            process.stdout.close()
-            self._errors.close()
+            self._close(process)
+
+    def _close(self, process: subprocess.Popen[bytes]) -> None:
+        """Close the pipes and wait for the guard's end."""
+        assert process.stdin is not None
+        assert process.stdout is not None
+        process.stdin.close()
+        process.wait()
+        process.stdout.close()
+        self._errors.close()
 
     @property
     def pid(self) -> int:
@@ -108,7 +120,6 @@ class Guard:
         try:
             with self._sending:
                 self._process.stdin.write(word.encode() + b"\n")
-                self._process.stdin.flush()
         except (OSError, ValueError) as error:
             raise GuardError(
                 "the guard process is gone, so the arm is not moved any further; start the run again"
@@ -132,6 +143,7 @@ class Guard:
             return
         process.kill()
         process.wait()
+        reader.join()
         self._errors.seek(0)
         said = self._errors.read().decode("utf-8", "replace").strip().splitlines()
         raise GuardError(f"the guard process did not start: {said[-1] if said else 'no reason given'}")

@@ -80,26 +80,28 @@ def test_the_start_of_a_motion_is_found_to_the_sample(lever: Lever) -> None:
     assert command_v[first : first + playback.n] == pytest.approx(playback.volts, abs=3 * ONE_STEP_V)
 
 
-@pytest.mark.parametrize("late", [1, 37, 400])
-def test_a_late_start_is_found_to_the_sample(bench_of: Callable[..., Any], late: int) -> None:
+def test_a_late_start_is_found_to_the_sample(bench_of: Callable[..., Any]) -> None:
     with bench_of() as bench, bench.lever() as lever:
-        lever.retreat()
-        lever.start_recording()
-        lever.read(100)
-        bench.control.call("fault", "late_start", {"samples": late})
-        playback = lever.play(way_mm(lever, 2.0, speed_mm_s=5.0))
-        read_to_end(lever, playback)
-        lever.read(late + 8)
-        assert playback.started_sample == playback.expected_sample + late
-        lever.stop_recording()
-        bench.control.call("fault", "late_start", {"samples": late})
-        chunk, playback = lever.record_once(way_mm(lever, 3.0), tail_s=0.1)
-        assert playback.started_sample == late
-        moved = chunk.command_v[late : late + playback.n]
-        assert moved == pytest.approx(playback.volts, abs=3 * ONE_STEP_V)
+        for late in (1, 37, 400):
+            lever.retreat()
+            lever.start_recording()
+            lever.read(100)
+            bench.control.call("fault", "late_start", {"samples": late})
+            playback = lever.play(way_mm(lever, 2.0, speed_mm_s=5.0))
+            read_to_end(lever, playback)
+            lever.read(late + 8)
+            assert playback.started_sample == playback.expected_sample + late
+            lever.stop_recording()
+            bench.control.call("fault", "late_start", {"samples": late})
+            chunk, playback = lever.record_once(way_mm(lever, 3.0), tail_s=0.1)
+            assert playback.started_sample == late
+            moved = chunk.command_v[late : late + playback.n]
+            assert moved == pytest.approx(playback.volts, abs=3 * ONE_STEP_V)
 
 
-def test_without_loopback_the_place_is_not_claimed(bench_of: Callable[..., Any]) -> None:
+def test_without_loopback_nothing_is_claimed_and_a_halt_is_right_to_some_samples(
+    bench_of: Callable[..., Any],
+) -> None:
     with bench_of(wired=False) as bench, bench.lever() as lever:
         lever.retreat()
         lever.start_recording()
@@ -112,6 +114,13 @@ def test_without_loopback_the_place_is_not_claimed(bench_of: Callable[..., Any])
         first = playback.expected_sample - 100
         assert samples[2, first : first + 100] == pytest.approx(playback.volts[:100])
         assert lever.commanded_mm == pytest.approx(2.0)
+        lever.play(way_mm(lever, 6.0, speed_mm_s=5.0))
+        lever.read(2400)
+        stopped_mm = lever.halt()
+        c = lever.calibration
+        true_mm = (bench.arm()["command_v"] - c.command_zero_v) / c.command_volts_per_mm
+        assert stopped_mm == pytest.approx(true_mm, abs=0.005)
+        assert 3.0 < stopped_mm < 5.0
 
 
 def test_a_loopback_that_is_declared_and_not_wired_is_told(bench_of: Callable[..., Any]) -> None:
@@ -144,18 +153,6 @@ def test_halt_stops_the_arm_and_says_where(lever: Lever, bench: RunningBench) ->
     after = lever.play(way_mm(lever, 1.0, speed_mm_s=5.0))
     command_v = read_to_end(lever, after)[2]
     assert np.abs(np.diff(command_v)).max() < 5.0 / 8000 * 2.042 + 6 * ONE_STEP_V
-
-
-def test_halt_without_loopback_is_right_to_some_samples(bench_of: Callable[..., Any]) -> None:
-    with bench_of(wired=False) as bench, bench.lever() as lever:
-        lever.retreat()
-        lever.start_recording()
-        lever.play(way_mm(lever, 6.0, speed_mm_s=5.0))
-        lever.read(2400)
-        stopped_mm = lever.halt()
-        c = lever.calibration
-        true_mm = (bench.arm()["command_v"] - c.command_zero_v) / c.command_volts_per_mm
-        assert stopped_mm == pytest.approx(true_mm, abs=0.005)
 
 
 def test_halt_of_an_arm_at_rest_changes_nothing(lever: Lever) -> None:

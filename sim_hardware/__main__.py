@@ -35,23 +35,18 @@ def read_settings_text(config: Path | None) -> str:
     raise ValueError(f"stdin: ended before the line {END_OF_SETTINGS!r}; end the settings with it")
 
 
-def _wait_for_end(from_stdin: bool) -> None:
-    """Return when the bench is no longer wanted."""
-    ended = threading.Event()
+def _heed_signals(ended: threading.Event, *, from_stdin: bool) -> None:
+    """Let SIGTERM end the bench, and Ctrl-C where it was started by hand."""
     signal.signal(signal.SIGTERM, lambda *_: ended.set())
-    if from_stdin:
-        # Ctrl-C at the program's terminal comes here too, while the program still needs the bench to finish.
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # Ctrl-C at the program's terminal comes here too, while the program still needs the bench to finish.
+    signal.signal(signal.SIGINT, signal.SIG_IGN if from_stdin else lambda *_: ended.set())
 
-        def wait_for_close() -> None:
-            while os.read(sys.stdin.fileno(), 4096):
-                pass
-            ended.set()
 
-        threading.Thread(target=wait_for_close, daemon=True).start()
-    else:
-        signal.signal(signal.SIGINT, lambda *_: ended.set())
-    ended.wait()
+def _end_with_stdin(ended: threading.Event) -> None:
+    """Set `ended` once nobody holds the other end of stdin any more."""
+    while os.read(sys.stdin.fileno(), 4096):
+        pass
+    ended.set()
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -66,11 +61,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except ValueError as error:
         print(" ".join(str(error).split()), file=sys.stderr)
         return BAD_INPUT
+    ended = threading.Event()
+    _heed_signals(ended, from_stdin=config is None)
     from sim_hardware.services import Services
 
     services = Services(settings)
     print(json.dumps(services.addresses), flush=True)
-    _wait_for_end(from_stdin=config is None)
+    if config is None:
+        threading.Thread(target=_end_with_stdin, args=(ended,), daemon=True).start()
+    ended.wait()
     services.close()
     return 0
 

@@ -7,6 +7,7 @@ metadata `ni-error`, `ni-samps-per-chan-read`, `ni-samps-per-chan-written`.
 # ruff: noqa: N802, D102  (the methods are the driver's calls, under the driver's names)
 
 import itertools
+import re
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -282,7 +283,7 @@ def _property_call(name: str) -> Answer:
             return _respond(name, DEVICE_PROPERTIES[name][attribute])
         task = self._task(request)
         if name in CHANNEL_GETTERS:
-            first = request.channel.split(",")[0].strip()
+            first = re.split("[,:]", request.channel)[0].strip()  # of a list such as `Dev1/ao0:1`
             channels = [c for c in task.channels if not first or first in {c.name, c.physical}]
             if attribute not in CHANNEL_GETTERS[name] or not channels:
                 raise not_supported(attribute)

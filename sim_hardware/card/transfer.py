@@ -21,7 +21,7 @@ def read(card: Card, task: CardTask, n: int, timeout_s: float) -> FloatArray:
     """The next n samples in volts, shape (n_channels, n), waiting for those still to come.
 
     A task not yet started is started. Raises ShortReadError (-200284) when they do not come in time,
-    CardError -200279 when the buffer has run over, -200278 past the end of a finite task, or whatever stopped the task.
+    CardError -200279 when the buffer has run over, -200278 past a finite end, or whatever stopped the task.
     """
     with card.held():
         task.need("ai")

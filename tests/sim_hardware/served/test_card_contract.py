@@ -223,10 +223,10 @@ def test_readings_are_sixteen_bit(virtual):
 
 def test_unread_samples_overwritten(bench):
     task = bench.client.input()
-    task.in_stream.input_buf_size = 2000
+    task.in_stream.input_buf_size = 4000
     task.start()
     read(task, 50)
-    bench.card.sleep(0.4)
+    bench.card.sleep(0.7)
     for _ in range(2):
         with pytest.raises(DaqReadError) as lost:
             read(task, 50)
@@ -239,12 +239,12 @@ def test_unread_samples_overwritten(bench):
 def test_samples_that_come_too_late_are_counted_and_packed(bench):
     task = bench.client.input("Dev1/ai0:1", mode=AcquisitionType.CONTINUOUS)
     task.start()
-    data = np.full((2, 4000), np.nan)
+    data = np.full((2, 16_000), np.nan)
     with pytest.raises(DaqReadError) as late:
-        AnalogMultiChannelReader(task.in_stream).read_many_sample(data, 4000, timeout=0.05)
+        AnalogMultiChannelReader(task.in_stream).read_many_sample(data, 16_000, timeout=0.05)
     assert late.value.error_code == -200284
     n = late.value.samps_per_chan_read
-    assert 400 <= n < 4000
+    assert 400 <= n < 16_000
     packed = data.ravel()
     first = counts(packed[n : 2 * n])
     assert np.array_equal(first, np.arange(first[0], first[0] + n))
@@ -421,12 +421,12 @@ def test_the_output_keeps_its_last_value(bench):
         probe.close()
         return pytest.approx(value, abs=LSB_V)
 
-    output = bench.client.output(np.linspace(0, 4, 4000))
+    output = bench.client.output(np.linspace(0, 4, 16_000))
     output.start()
     bench.card.sleep(0.25)
     output.stop()
     stopped_at = bench.card.output_v[0]
-    assert 1.5 < stopped_at < 3.9
+    assert 0.45 < stopped_at < 3.9
     assert stopped_at == now_v()
     output.close()
     assert stopped_at == now_v()
@@ -469,3 +469,63 @@ def test_a_guard_reads_and_writes_without_a_clock(bench):
     assert position.read() == pytest.approx(volts, abs=LSB_V)
     assert len(position.read(3)) == 3
     assert code_of(lambda: position.timing.samp_clk_rate) == -200452
+
+
+def test_scalars_and_both_orders_of_samples(virtual):
+    two = virtual.client.task()
+    two.ao_channels.add_ao_voltage_chan("Dev1/ao0:1", min_val=-10, max_val=10)
+    two.write([1.0, -2.0])
+    assert np.allclose(virtual.card.output_v, [1.0, -2.0], atol=LSB_V)
+    by_scan = two._interpreter.write_analog_f64(two._handle, 2, True, 1.0, 1, np.array([3.0, 4.0, 5.0, 6.0]))
+    assert by_scan == 2
+    assert np.allclose(virtual.card.output_v, [5.0, 6.0], atol=LSB_V)
+    two.close()
+    one = virtual.client.task()
+    one.ao_channels.add_ao_voltage_chan("Dev1/ao0")
+    AnalogSingleChannelWriter(one.out_stream).write_one_sample(2.0)
+    probe = virtual.client.task()
+    probe.ai_channels.add_ai_voltage_chan("Dev1/ai0, Dev1/ai3")
+    data = np.zeros((3, 2))
+    probe._interpreter.read_analog_f64(probe._handle, 3, 1.0, 1, data)
+    assert np.allclose(data, [[2.0, 0.0]] * 3, atol=0.01)
+    assert probe._interpreter.read_analog_scalar_f64(probe._handle, 1.0) == pytest.approx(2.0, abs=LSB_V)
+
+
+def test_a_clocked_output_of_two_channels(virtual):
+    task = virtual.client.task()
+    task.ao_channels.add_ao_voltage_chan("Dev1/ao0:1", min_val=-10, max_val=10)
+    task.timing.cfg_samp_clk_timing(8000, samps_per_chan=3)
+    task.write(np.array([[1.0, 2.0, 3.0], [-1.0, -2.0, -3.0]]), auto_start=False)
+    listening = virtual.client.input("Dev1/ai2")
+    listening.start()
+    task.start()
+    assert np.allclose(read(listening, 4), [[1, 2, 3, 3]], atol=LSB_V)
+    assert np.allclose(virtual.card.output_v, [3, -3], atol=LSB_V)
+
+
+def test_an_input_can_wait_for_the_output(virtual):
+    task = virtual.client.input("Dev1/ai2")
+    task.triggers.start_trigger.cfg_dig_edge_start_trig("/Dev1/ao/StartTrigger")
+    task.start()
+    virtual.card.sleep(0.5)
+    assert task.in_stream.total_samp_per_chan_acquired == 0
+    with pytest.raises(DaqReadError) as waiting:
+        read(task, 10, timeout_s=0.1)
+    assert (waiting.value.error_code, waiting.value.samps_per_chan_read) == (-200284, 0)
+    virtual.client.output(np.array([1.0, 2.0])).start()
+    assert np.allclose(read(task, 3), [[1, 2, 2]], atol=LSB_V)
+
+
+def test_task_control_moves_a_task_through_its_states(virtual):
+    task, other = virtual.client.input(), virtual.client.input()
+    task.control(TaskMode.TASK_VERIFY)
+    task.control(TaskMode.TASK_COMMIT)
+    assert code_of(other.start) == -50103
+    task.control(TaskMode.TASK_START)
+    assert code_of(task.start) == -200479
+    task.control(TaskMode.TASK_STOP)
+    assert code_of(other.start) == -50103, "a committed task keeps its resources over a stop"
+    task.control(TaskMode.TASK_UNRESERVE)
+    other.start()
+    other.control(TaskMode.TASK_ABORT)
+    task.start()

@@ -71,7 +71,7 @@ def test_real_time_runs_at_8000_hz_also_while_nobody_asks(served):
     before, began = bench.world.n, time.monotonic()
     time.sleep(0.5)
     n, took = bench.world.n - before, time.monotonic() - began
-    assert abs(n - 8000 * took) < 8000 * 0.1
+    assert 0.5 * 8000 * took < n < 8000 * (took + 0.1)
 
 
 def test_a_real_read_returns_when_its_samples_are_there(served):
@@ -81,13 +81,19 @@ def test_a_real_read_returns_when_its_samples_are_there(served):
     began = time.monotonic()
     for _ in range(20):
         read(task, 80)
-    assert 0.19 < time.monotonic() - began < 0.6
+    assert 0.19 < time.monotonic() - began < 3.0
 
 
 def test_world_and_host_clock_do_not_drift_apart(served):
     bench = served(time="real")
-    offsets = [bench.card.now_s() - time.monotonic() for _ in range(5) if time.sleep(0.05) is None]
-    assert np.ptp(offsets) < 0.02
+    earliest, latest = [], []
+    for _ in range(5):
+        time.sleep(0.05)
+        before = time.monotonic()
+        now_s = bench.card.now_s()
+        earliest.append(now_s - time.monotonic())
+        latest.append(now_s - before)
+    assert max(earliest) <= min(latest) + 2 / 8000
 
 
 # ---- faults
@@ -131,13 +137,13 @@ def test_a_stalled_host_loses_samples(bench):
     task.in_stream.input_buf_size = 800
     task.start()
     read(task, 10)
-    bench.card.stall(0.4)
     began = time.monotonic()
+    bench.card.stall(0.4)
     with pytest.raises(DaqReadError) as lost:
         read(task, 10)
     assert lost.value.error_code == -200279
     if not bench.card.clock.virtual:
-        assert time.monotonic() - began > 0.35
+        assert time.monotonic() - began >= 0.4
 
 
 def test_a_stalled_host_starves_the_output_and_replays_nothing(bench):
@@ -174,7 +180,7 @@ def test_a_dead_clients_tasks_run_on(served):
     task.start()
     bench.client.channel.close()
     bench.client.tasks.clear()
-    time.sleep(0.6)
+    time.sleep(0.8)
     assert bench.card.output_v[0] == pytest.approx(1.0, abs=1e-3)
     channel = grpc.insecure_channel(bench.address)
     for name in list(bench.card.tasks):

@@ -52,6 +52,7 @@ class Companion:
         try:
             self.addresses = self._introduce(self._process, shown)
         except CompanionError:
+            self._process.kill()
             self.close()
             raise
         return self
@@ -105,10 +106,13 @@ class Companion:
         except BrokenPipeError:
             raise CompanionError(f"companion {shown}: {self._last_words(process)}") from None
         line: list[bytes] = []
-        reader = threading.Thread(target=lambda: line.append(process.stdout.readline()), daemon=True)  # type: ignore[union-attr]
+        stdout = process.stdout
+        reader = threading.Thread(target=lambda: line.append(stdout.readline()), daemon=True)
         reader.start()
         reader.join(self._settings.start_timeout_s)
         if not line:
+            process.kill()
+            reader.join()
             raise CompanionError(
                 f"companion {shown}: said nothing within {self._settings.start_timeout_s:g} s; raise "
                 "companion.start_timeout_s in rig.toml, or start it by hand to see why"

@@ -50,14 +50,6 @@ class ConsoleOperator:
         return "done by hand"
 
 
-class ConsoleAnswers:
-    """Readings that a person types where a device is missing."""
-
-    def read_mass_g(self, nominal_g: float) -> float:
-        """Ask for the mass of a weight, g; its nominal value when only Enter is pressed."""
-        return _ask_number(f"Mass of the weight in grams (nominal {nominal_g:g})", nominal_g)
-
-
 _WORDS = {
     "place_finger": "Place the {finger} finger on the block, site {site}, repeat {repeat}",
     "remove_finger": "Take the finger off the block",
@@ -76,12 +68,3 @@ def words_for(kind: str, details: Details) -> str:
     except KeyError:
         shown = ", ".join(f"{key} {value}" for key, value in details.items())
         return f"{kind.replace('_', ' ')}: {shown}" if shown else kind.replace("_", " ")
-
-
-def _ask_number(question: str, default: float) -> float:
-    from rich.prompt import FloatPrompt
-
-    try:
-        return float(FloatPrompt.ask(question, default=default))
-    except EOFError:
-        raise OperatorError(f"{question}: nobody is at the console to answer") from None

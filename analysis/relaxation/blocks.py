@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.recordings.trial import FloatArray
-from analysis.relaxation.motion import curved_stretches, known_motion, straight_pieces
+from analysis.relaxation.motion import curved_stretches, positions_at
 from analysis.relaxation.windows import FitWindow
 
 IntArray = NDArray[np.int64]
@@ -25,7 +25,6 @@ CURVED_SAMPLES = 4  # length of the blocks in which the motion bends
 CONTACT_SAMPLES = 16  # length at most where contact is made
 CONTACT_LEAD_S = 0.03  # how far before the estimated contact these begin
 RAMP_PARTS = 40  # a ramp has at least so many blocks
-_CORRECTION_BLOCKS = 4  # a straight piece of what the servo leaves unexplained lasts so many blocks
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,19 +63,12 @@ def condense(window: FitWindow, contact: int) -> Blocks:
     """
     if not window.even or len(window.time_s) < 2000:
         return _singles(window)
-    known_mm = known_motion(window)
-    curved = curved_stretches(window.position_mm if known_mm is None else known_mm, noisy=known_mm is None)
+    curved = curved_stretches(window)
     edges = _edges(window, contact, curved)
-    if known_mm is None:
-        position_mm = straight_pieces(window.position_mm, edges)
-    else:
-        coarse = np.union1d(edges[::_CORRECTION_BLOCKS], edges[[0, -1]])
-        left_mm = straight_pieces(window.position_mm - known_mm, coarse)
-        position_mm = known_mm[edges] + np.interp(edges, coarse, left_mm)
     counts = np.diff(edges).astype(float)
     return Blocks(
         knots_s=window.time_s[edges],
-        position_mm=position_mm,
+        position_mm=positions_at(window, edges, curved),
         counts=counts,
         spacing_s=np.full(len(counts), window.step_s),
         force_mn=np.add.reduceat(window.force_mn[: edges[-1]], edges[:-1]) / counts,

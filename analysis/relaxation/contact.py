@@ -9,8 +9,8 @@ import numpy as np
 from analysis.recordings.trial import FloatArray
 from analysis.relaxation.windows import FitWindow
 
-_MOST_BLOCKS = 400
-_CANDIDATES = 60
+_MOST_BLOCKS = 250
+_CANDIDATES = 40
 _LEAST_APPROACH = 0.05  # of all travel; an approach that is shorter is none
 _LEAST_GAIN = 30.0  # in squared noise: a hinge must beat the straight line by this
 

@@ -114,8 +114,9 @@ def flag_failures(rows: Sequence[TrialFit], predictions: Sequence[CrossPredictio
             continue
         percent = 100.0 * _worst(item)
         text = (
-            f"misses the force of {item.other} (ramp of {item.other_ramp_s:.3g} s): {100.0 * item.share:.3g} % "
-            f"of its range rms, {100.0 * item.peak_share:+.3g} % at its peak; its own R2 is {row.r2:.4f}"
+            f"misses the force of {item.other} (ramp of {item.other_ramp_s:.3g} s): "
+            f"{100.0 * item.share:.3g} % of its range rms, {100.0 * item.peak_share:+.3g} % at its peak; "
+            f"its own R2 is {'unknown' if row.r2 is None else format(row.r2, '.4f')}"
         )
         raised = any(p.failed for p in predictions if p.fitted == row.file)
         check = Check("other_ramp_missed", percent, 100.0 * _LIMIT_SHARE, "%", raised, text)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from analysis.recordings.trial import FloatArray, Trial
+from analysis.relaxation.contact import Contact, find_contact
 from analysis.relaxation.quality import checks_of_ramp, checks_of_step
 from analysis.relaxation.ramp_fit import RampSolution, fit_ramp
 from analysis.relaxation.result import Amplitudes, Estimate, Model, TrialFit
@@ -33,9 +34,10 @@ def fit_trial(trial: Trial, model: Model = "ramp") -> TrialFit:
         with np.errstate(all="ignore"):
             window = cut_window(trial)
             labels = _measured_labels(labels, window, model)
+            contact = find_contact(window)
             if model == "step":
-                return _step_row(labels, trial, window, fit_step(window))
-            return _ramp_row(labels, trial, window, fit_ramp(window))
+                return _step_row(labels, trial, window, contact)
+            return _ramp_row(labels, trial, window, contact)
     except CannotFitError as reason:
         return replace(labels, failure=str(reason))
     except (ArithmeticError, ValueError, IndexError, MemoryError) as fault:
@@ -44,7 +46,8 @@ def fit_trial(trial: Trial, model: Model = "ramp") -> TrialFit:
 
 
 def _measured_labels(labels: TrialFit, window: FitWindow, model: Model) -> TrialFit:
-    hold_mm = float(np.median(window.position_mm[window.hold_start :]))
+    held_mm = window.position_mm[window.hold_start :]
+    hold_mm = float(np.median(held_mm[:: max(1, len(held_mm) // 1000)]))
     travel_mm = hold_mm - float(np.median(_before(window.position_mm, window.ramp_start)))
     used = len(window.time_s) - (window.hold_start if model == "step" else 0)
     return replace(
@@ -60,7 +63,8 @@ def _before(values: FloatArray, index: int) -> FloatArray:
     return values[max(0, index - 200) : index + 1] if index > 200 else values[: index + 1][-1:]
 
 
-def _ramp_row(labels: TrialFit, trial: Trial, window: FitWindow, found: RampSolution) -> TrialFit:
+def _ramp_row(labels: TrialFit, trial: Trial, window: FitWindow, contact: Contact) -> TrialFit:
+    found = fit_ramp(window, contact=contact)
     k0, n_arms = float(found.stiffness_mn_per_mm[0]), len(found.times_s)
     _check_elastic(k0 / float(np.sum(found.stiffness_mn_per_mm)), window)
     hold_mm = float(np.mean(found.blocks.position_mm[found.blocks.edges >= window.hold_start]))
@@ -99,10 +103,11 @@ def _ramp_row(labels: TrialFit, trial: Trial, window: FitWindow, found: RampSolu
     row = replace(
         labels, estimates=estimates, stiffness_mn_per_um=k0 / 1000.0, rms_mn=rms_mn, r2=r2, solid=solid
     )
-    return _accepted(replace(row, checks=checks_of_ramp(trial, window, found, row)))
+    return _accepted(replace(row, checks=checks_of_ramp(trial, window, contact, found, row)))
 
 
-def _step_row(labels: TrialFit, trial: Trial, window: FitWindow, found: StepSolution) -> TrialFit:
+def _step_row(labels: TrialFit, trial: Trial, window: FitWindow, contact: Contact) -> TrialFit:
+    found = fit_step(window)
     a0, n_terms = float(found.amplitudes_mn[0]), len(found.times_s)
     _check_elastic(a0 / float(np.sum(found.amplitudes_mn)), window)
     estimates = {"A0_mn": Estimate(a0, float(np.sqrt(max(found.covariance[0, 0], 0.0))))}
@@ -119,7 +124,7 @@ def _step_row(labels: TrialFit, trial: Trial, window: FitWindow, found: StepSolu
     stiffness = a0 / (1000.0 * depth_mm) if depth_mm is not None and depth_mm > 0 else None
     rms_mn, r2 = _goodness(window, found)
     row = replace(labels, estimates=estimates, stiffness_mn_per_um=stiffness, rms_mn=rms_mn, r2=r2)
-    return _accepted(replace(row, checks=checks_of_step(trial, window, found, row)))
+    return _accepted(replace(row, checks=checks_of_step(trial, window, contact, found, row)))
 
 
 def _check_elastic(share: float, window: FitWindow) -> None:
@@ -140,8 +145,9 @@ def _goodness(window: FitWindow, found: RampSolution | StepSolution) -> tuple[fl
     residual_mn = found.residual_mn
     first = window.hold_start if isinstance(found, StepSolution) else 0
     force_mn = window.force_mn[first : first + len(residual_mn)]
-    squares = float(residual_mn @ residual_mn)
-    total = float(np.sum((force_mn - force_mn.mean()) ** 2))
+    squares = float(np.sum(np.square(residual_mn)))  # no BLAS: its threads cost more than the sum
+    centred = force_mn - force_mn.mean()
+    total = float(np.sum(np.square(centred)))
     return float(np.sqrt(squares / len(residual_mn))), 1.0 - squares / total
 
 

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analysis.recordings.trial import FloatArray, Trial
 from analysis.relaxation.block_response import block_answer
@@ -161,7 +162,7 @@ def _result(
     for one, (_, right, _, back) in zip(members, system, strict=True):
         _, by_shared, by_own = _linearised(shared, one, n_arms)
         influence = inverse @ (by_shared - back.T @ by_own)
-        within += noise_covariance(influence, one.blocks.counts, one.blocks.edges, one.noise)
+        within += noise_covariance(influence, one.blocks.edges, one.noise)
         pulls.append(inverse @ right)
     drawn = np.stack(pulls)
     among = drawn.T @ drawn * len(members) / (len(members) - 1)

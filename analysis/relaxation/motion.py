@@ -1,8 +1,9 @@
 """What the lever really did, as straight pieces between knots: the recorded motion without its noise.
 
 The recorded position has noise of its own (0.2 to 0.3 um a sample); a tissue model driven by it is biased.
-What is known goes first: the command through the servo. What the recording says beyond that is fitted to it
-as straight pieces. Without a command, the pieces are fitted to the recorded position itself.
+Where the motion is straight, pieces fitted to many samples take the noise away. Where it bends, the command
+through the servo says how, and the recording only where the lever stood; without a command, short pieces are
+fitted there too.
 """
 
 from __future__ import annotations
@@ -18,9 +19,10 @@ NATURAL_FREQUENCY_RAD_S = 5.0e3  # of the lever's servo, critically damped
 
 IntArray = NDArray[np.int64]
 
-_CURVED_SPAN = 64  # samples over which the motion is asked whether it is straight
-_CURVED_UM_OF_COMMAND = 0.05
-_CURVED_SIGMAS = 6.0
+_COMMAND_SPAN, _RECORDED_SPAN = 32, 64  # samples over which a motion is asked whether it is straight
+_LEAST_BEND_MM = 5e-5
+_BEND_SIGMAS = 6.0
+_SETTLING_S = 0.004  # of the servo after its command was straight again
 
 
 def servo_answer(command_mm: FloatArray, step_s: float) -> FloatArray:
@@ -31,54 +33,76 @@ def servo_answer(command_mm: FloatArray, step_s: float) -> FloatArray:
     """
     tau_s = 1.0 / NATURAL_FREQUENCY_RAD_S
     stretch_mm, slope = arm_response_and_slope(command_mm, step_s, tau_s)
-    return command_mm - stretch_mm - tau_s * slope
+    return np.asarray(command_mm - stretch_mm - tau_s * slope, dtype=float)
 
 
-def known_motion(window: FitWindow) -> FloatArray | None:
-    """Return the motion (N,) mm that the command explains, or None without a usable command."""
+def usable_command(window: FitWindow) -> FloatArray | None:
+    """Return the command (N,) mm if it moves the lever; a channel left unwired explains nothing."""
     command_mm = window.command_mm
     if command_mm is None or not window.even:
         return None
-    answer_mm = servo_answer(command_mm, window.step_s)
-    travel_mm = np.ptp(window.position_mm)
-    missed_mm = window.position_mm - answer_mm
-    # a command that does not move the lever (a channel left unwired) explains nothing
-    return answer_mm if np.ptp(missed_mm) < 0.5 * travel_mm else None
+    stride = max(1, len(command_mm) // 2000)
+    recorded_mm = window.position_mm[::stride]
+    missed_mm = recorded_mm - command_mm[::stride]
+    return command_mm if np.ptp(missed_mm) < 0.5 * np.ptp(recorded_mm) else None
 
 
-def curved_stretches(motion_mm: FloatArray, *, noisy: bool) -> IntArray:
-    """Return (M, 2) starts and stops of the stretches in which the motion is not straight.
+def curved_stretches(window: FitWindow) -> IntArray:
+    """Return (M, 2) starts and stops, in samples, of the stretches in which the motion is not straight."""
+    command_mm = usable_command(window)
+    if command_mm is None:
+        return _bends(window.position_mm, _RECORDED_SPAN, 0)
+    return _bends(command_mm, _COMMAND_SPAN, round(_SETTLING_S / window.step_s))
 
-    Asked over 64 samples, twice, half a stretch apart: do the outer quarters lie off the middle half?
-    ``noisy`` sets the limit by the motion's own noise; a motion from the command has a fixed one, 0.05 um.
-    """
-    limit_mm = 1e-3 * _CURVED_UM_OF_COMMAND
-    if noisy:
-        bends = np.abs(np.diff(motion_mm, 2))
-        sigma_mm = np.median(bends) / 0.6745 / np.sqrt(6.0) if bends.size else 0.0
-        limit_mm = max(limit_mm, _CURVED_SIGMAS * sigma_mm * 4.0 / np.sqrt(_CURVED_SPAN))
-    found: list[tuple[int, int]] = []
-    quarter = _CURVED_SPAN // 4
-    for shift in (0, _CURVED_SPAN // 2):
-        rows = (len(motion_mm) - shift) // _CURVED_SPAN
-        if rows < 1:
+
+def _bends(motion_mm: FloatArray, span: int, settling: int) -> IntArray:
+    """Ask over ``span`` samples, twice, half a span apart: do the outer quarters lie off the middle half?"""
+    n = len(motion_mm)
+    sigma_mm = sample_noise(motion_mm)
+    limit_mm = max(_LEAST_BEND_MM, _BEND_SIGMAS * sigma_mm * 4.0 / float(np.sqrt(span)))
+    quarter = span // 4
+    quarters = motion_mm[: n // quarter * quarter].reshape(-1, quarter).mean(axis=1)
+    bend_mm = np.abs(quarters[:-3] - quarters[1:-2] - quarters[2:-1] + quarters[3:])
+    starts = np.flatnonzero(bend_mm > limit_mm) * quarter
+    if not starts.size:
+        return np.empty((0, 2), dtype=np.int64)
+    stops = np.minimum(starts + span + settling, n)
+    first = np.append(True, starts[1:] > stops[:-1])
+    last = np.append(first[1:], True)
+    return np.stack([starts[first], stops[last]], axis=1).astype(np.int64)
+
+
+def sample_noise(values: FloatArray) -> float:
+    """Return the standard deviation of what differs from sample to sample, from second differences."""
+    if len(values) < 4:
+        return 0.0
+    stride = max(1, len(values) // 4096)
+    stop = (len(values) - 2) // stride * stride
+    bends = values[:stop:stride] - 2.0 * values[1 : stop + 1 : stride] + values[2 : stop + 2 : stride]
+    return float(np.median(np.abs(bends))) / 0.6745 / float(np.sqrt(6.0)) if bends.size else 0.0
+
+
+def positions_at(window: FitWindow, knots: IntArray, curved: IntArray) -> FloatArray:
+    """Return the motion (K,) mm at the knots (K,), sample indices that rise from 0 to N - 1."""
+    position_mm = straight_pieces(window.position_mm, knots)
+    command_mm = usable_command(window)
+    if command_mm is None:
+        return position_mm
+    for start, stop in curved.tolist():
+        inside = (knots >= start) & (knots < stop)
+        if not inside.any():
             continue
-        parts = motion_mm[shift : shift + rows * _CURVED_SPAN].reshape(rows, 4, quarter).mean(axis=2)
-        bend_mm = np.abs(parts[:, 0] + parts[:, 3] - parts[:, 1] - parts[:, 2])
-        for row in np.flatnonzero(bend_mm > limit_mm):
-            start = shift + int(row) * _CURVED_SPAN
-            found.append((start, start + _CURVED_SPAN))
-    return _merged(sorted(found))
-
-
-def _merged(stretches: list[tuple[int, int]]) -> IntArray:
-    merged: list[list[int]] = []
-    for start, stop in stretches:
-        if merged and start <= merged[-1][1]:
-            merged[-1][1] = max(merged[-1][1], stop)
-        else:
-            merged.append([start, stop])
-    return np.array(merged, dtype=np.int64).reshape(-1, 2)
+        # the servo's state at the start of a bend: it follows a straight command 2 / wn behind
+        slope = float(command_mm[start] - command_mm[max(0, start - 8)]) / max(1, min(8, start))
+        lead = command_mm[start] + slope * np.arange(-64, 0)
+        answer_mm = servo_answer(np.concatenate([lead, command_mm[start:stop]]), window.step_s)[64:]
+        # the recording says where the lever stood, and by how much command and position differ in gain
+        age = np.linspace(-1.0, 1.0, stop - start)
+        missed_mm = window.position_mm[start:stop] - answer_mm
+        tilt = float(age @ missed_mm) / float(age @ age)
+        at = knots[inside] - start
+        position_mm[inside] = answer_mm[at] + missed_mm.mean() + tilt * age[at]
+    return position_mm
 
 
 def straight_pieces(values: FloatArray, knots: IntArray) -> FloatArray:
@@ -88,14 +112,13 @@ def straight_pieces(values: FloatArray, knots: IntArray) -> FloatArray:
     """
     from scipy.linalg import solveh_banded
 
-    lengths = np.diff(knots)
-    local = np.arange(knots[-1]) - np.repeat(knots[:-1], lengths)
-    share = local / np.repeat(lengths, lengths)
-    inner = values[: knots[-1]]
+    n = np.diff(knots).astype(float)
+    origin = values[0]
+    inner = values[: knots[-1]] - origin
     total = np.add.reduceat(inner, knots[:-1])
-    upper = np.add.reduceat(inner * share, knots[:-1])
+    inner *= np.arange(knots[-1])
+    upper = (np.add.reduceat(inner, knots[:-1]) - knots[:-1] * total) / n
     # sums over 0..n-1 of (j/n), (j/n)^2
-    n = lengths.astype(float)
     first = (n - 1) / 2
     second = (n - 1) * (2 * n - 1) / (6 * n)
     diagonal = np.zeros(len(knots))
@@ -105,8 +128,8 @@ def straight_pieces(values: FloatArray, knots: IntArray) -> FloatArray:
     right = np.zeros(len(knots))
     right[:-1] += total - upper
     right[1:] += upper
-    right[-1] += values[knots[-1]]
+    right[-1] += values[knots[-1]] - origin
     band = np.zeros((2, len(knots)))
     band[0, 1:] = first - second
     band[1] = diagonal
-    return np.asarray(solveh_banded(band, right, check_finite=False), dtype=float)
+    return np.asarray(solveh_banded(band, right, check_finite=False) + origin, dtype=float)

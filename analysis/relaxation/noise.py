@@ -8,7 +8,7 @@ second one at their scale corrects its slow end.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ _SLOW = 16  # cells in a slow cell
 _MOST_ORDER = 25
 _MOST_SLOW_ORDER = 6
 _SLOW_SIGMAS = 3.0
+_RESTORING_ROUNDS = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,65 +53,108 @@ class NoiseSpectrum:
         return np.where(slow_frequency < 0.25, np.maximum(fine, slow), fine)
 
 
-def measure_noise(residual: FloatArray, n_parameters: int) -> NoiseSpectrum:
-    """Return the spectrum of the noise behind a residual (N,) from which ``n_parameters`` were fitted."""
+def measure_noise(residual: FloatArray, jacobian: FloatArray, edges: NDArray[np.int64]) -> NoiseSpectrum:
+    """Return the spectrum of the noise behind a residual (N,) of a least-squares fit.
+
+    ``jacobian`` (P, K) holds the model's derivatives by the fitted parameters over blocks whose sample
+    indices are ``edges`` (K + 1,): what of the noise the fit has swallowed is given back.
+    """
+    n_parameters = len(jacobian)
     cell = max(1, len(residual) // MOST_CELLS)
     means = _means(residual, cell)
     freedom = len(means) / max(len(means) - n_parameters, 1)
     order_limit = min(_MOST_ORDER, len(means) // 10)
-    coefficients, innovation = _autoregression(means, order_limit, freedom)
+    coefficients, innovation = _autoregression(_covariances(means, order_limit) * freedom, len(means))
     slow = _means(means, _SLOW)
-    white = float(np.var(residual)) / (cell * _SLOW)
+    none = NoiseSpectrum(cell, coefficients, innovation, None, 0.0, len(coefficients), None, 1.0, np.inf)
     if len(slow) <= 2 * n_parameters + 4:
-        return NoiseSpectrum(cell, coefficients, innovation, None, 0.0, len(coefficients), None, 1.0, np.inf)
-    slow_freedom = len(slow) / (len(slow) - n_parameters)
-    slow_variance = float(np.mean(slow**2)) * slow_freedom
+        return none
+    slow_variance = float(np.mean(np.square(slow))) * len(slow) / (len(slow) - n_parameters)
     slow_se = float(np.sqrt(2.0 / (len(slow) - n_parameters)))
-    frequency: FloatArray = np.fft.rfftfreq(16 * _SLOW).astype(np.float64)
-    window = np.abs(np.sinc(_SLOW * frequency) / np.sinc(frequency)) ** 2
-    spectrum = innovation / np.abs(_transfer(coefficients, frequency)) ** 2
-    both_sides = np.where((frequency == 0) | (frequency == 0.5), 1.0, 2.0)
-    expected = float(np.sum(both_sides * spectrum * window) / (16 * _SLOW))
-    slow_coefficients, slow_innovation = None, 0.0
-    if slow_variance > expected * (1.0 + _SLOW_SIGMAS * slow_se):
-        slow_limit = min(_MOST_SLOW_ORDER, len(slow) // 10)
-        slow_coefficients, slow_innovation = _autoregression(slow, slow_limit, slow_freedom)
-    return NoiseSpectrum(
-        cell=cell,
-        coefficients=coefficients,
-        innovation=innovation,
+    white = float(np.var(residual)) / (cell * _SLOW)
+    known = replace(none, slow_ratio=slow_variance / max(white, 1e-300), slow_ratio_se=slow_se)
+    if slow_variance <= _variance_of_slow_means(known) * (1.0 + _SLOW_SIGMAS * slow_se):
+        return known
+    swallowed = _cell_sums(jacobian, edges, cell * _SLOW)[:, : len(slow)]
+    slow_coefficients, slow_innovation = _restored_autoregression(slow, swallowed)
+    return replace(
+        known,
         slow_coefficients=slow_coefficients,
         slow_innovation=slow_innovation,
-        order=len(coefficients),
-        slow_order=None if slow_coefficients is None else len(slow_coefficients),
-        slow_ratio=slow_variance / max(white, 1e-300),
-        slow_ratio_se=slow_se,
+        slow_order=len(slow_coefficients),
     )
 
 
-def estimate_covariance(
-    jacobian: FloatArray, weights: FloatArray, edges: NDArray[np.int64], noise: NoiseSpectrum
-) -> FloatArray:
-    """Return the covariance (P, P) of the parameters of a weighted least-squares fit to block means.
+def _variance_of_slow_means(noise: NoiseSpectrum) -> float:
+    """Return the variance of means over sixteen cells that the fine spectrum says."""
+    n = 16 * _SLOW
+    frequency: FloatArray = np.fft.rfftfreq(n).astype(np.float64)
+    window = np.square(np.sinc(_SLOW * frequency) / np.sinc(frequency))
+    return float(np.sum(_both_sides(frequency) * noise.power(frequency) * window) / n)
 
-    ``jacobian`` (P, K) by block, ``weights`` (K,) the samples in each, ``edges`` (K + 1,) their sample
-    indices.
+
+def _restored_autoregression(slow: FloatArray, swallowed: FloatArray) -> tuple[FloatArray, float]:
+    """Return the autoregression of slow means (M,) whose residual lost what lies along ``swallowed`` (P, M).
+
+    The residual's covariance is (I - Q Q') C (I - Q Q'): what that takes from each lag, under the
+    spectrum found so far, is added to the measured lag, and the spectrum found again.
     """
-    return noise_covariance(influences(jacobian, weights), weights, edges, noise)
+    n = len(slow)
+    most = min(_MOST_SLOW_ORDER, n // 10)
+    measured = _covariances(slow, most)
+    scale = np.sqrt(np.maximum(np.sum(np.square(swallowed), axis=1, keepdims=True), 1e-300))
+    q, _ = np.linalg.qr((swallowed / scale).T)
+    covariances = measured * n / max(n - q.shape[1], 1)
+    lags = np.arange(n)
+    for _ in range(_RESTORING_ROUNDS):
+        coefficients, innovation = _autoregression(covariances, n)
+        whole = _covariances_of(coefficients, innovation, n)
+        matrix = whole[np.abs(lags[:, None] - lags)]
+        carried = matrix @ q
+        left = matrix - carried @ q.T - q @ carried.T + q @ (q.T @ carried) @ q.T
+        seen = np.array([np.trace(left, lag) / n for lag in range(most + 1)])
+        biased = whole[: most + 1] * (n - np.arange(most + 1)) / n
+        covariances = measured + np.maximum(biased - seen, 0.0)
+    return _autoregression(covariances, n)
 
 
-def noise_covariance(
-    influence: FloatArray, weights: FloatArray, edges: NDArray[np.int64], noise: NoiseSpectrum
-) -> FloatArray:
+def _covariances_of(coefficients: FloatArray, innovation: float, n: int) -> FloatArray:
+    """Return the autocovariances (n,) of an autoregression, from its spectrum."""
+    length = 1 << (4 * n - 1).bit_length()
+    frequency: FloatArray = np.fft.rfftfreq(length).astype(np.float64)
+    return np.asarray(
+        np.fft.irfft(innovation / np.abs(_transfer(coefficients, frequency)) ** 2)[:n], dtype=float
+    )
+
+
+def _both_sides(frequency: FloatArray) -> FloatArray:
+    """Return how often each frequency of a real transform counts: twice, but for 0 and the highest."""
+    return np.where((frequency == 0) | (frequency == 0.5), 1.0, 2.0)
+
+
+def _cell_sums(by_block: FloatArray, edges: NDArray[np.int64], length: int) -> FloatArray:
+    """Return sums over cells of ``length`` samples, (P, M), of what is constant over blocks, (P, K)."""
+    weighted = by_block * np.diff(edges)
+    reached = np.concatenate([np.zeros((len(by_block), 1)), np.cumsum(weighted, axis=1)], axis=1)
+    marks = np.arange(edges[0], edges[-1] + length, length)
+    return np.diff(np.stack([np.interp(marks, edges, row) for row in reached]), axis=1)
+
+
+def estimate_covariance(jacobian: FloatArray, edges: NDArray[np.int64], noise: NoiseSpectrum) -> FloatArray:
+    """Return the covariance (P, P) of the parameters of a least-squares fit to block means.
+
+    ``jacobian`` (P, K) by block, ``edges`` (K + 1,) their sample indices; every sample counts alike.
+    """
+    return noise_covariance(influences(jacobian, np.diff(edges).astype(float)), edges, noise)
+
+
+def noise_covariance(influence: FloatArray, edges: NDArray[np.int64], noise: NoiseSpectrum) -> FloatArray:
     """Return the covariance (P, P) of sums in which the noise of a sample of block b counts as influence."""
-    reached = np.concatenate([np.zeros((len(influence), 1)), np.cumsum(influence * weights, axis=1)], axis=1)
-    marks = np.arange(edges[0], edges[-1] + noise.cell, noise.cell)
-    cells = np.diff(np.stack([np.interp(marks, edges, row) for row in reached]), axis=1)
+    cells = _cell_sums(influence, edges, noise.cell)
     n = 1 << (2 * cells.shape[1] - 1).bit_length()
     transformed = np.fft.rfft(cells, n, axis=1)
     frequency: FloatArray = np.fft.rfftfreq(n).astype(np.float64)
-    both_sides = np.where((frequency == 0) | (frequency == 0.5), 1.0, 2.0)
-    power = noise.power(frequency) * both_sides / n
+    power = noise.power(frequency) * _both_sides(frequency) / n
     covariance = np.real((transformed * power) @ transformed.conj().T)
     return np.asarray(0.5 * (covariance + covariance.T), dtype=float)
 
@@ -137,18 +181,22 @@ def _transfer(coefficients: FloatArray, frequency: FloatArray) -> NDArray[np.com
     )
 
 
-def _autoregression(values: FloatArray, most: int, freedom: float) -> tuple[FloatArray, float]:
-    """Return coefficients (order,) and innovation variance by Levinson's recursion, order by BIC."""
+def _covariances(values: FloatArray, most: int) -> FloatArray:
+    """Return the autocovariances (most + 1,) of values (n,), sums divided by n."""
     n = len(values)
     transformed = np.fft.rfft(values, 1 << (2 * n - 1).bit_length())
-    covariance = np.fft.irfft(np.abs(transformed) ** 2)[: most + 1] / n * freedom
-    best = np.empty(0), float(covariance[0])
-    if not covariance[0] > 0:
+    return np.asarray(np.fft.irfft(np.square(np.abs(transformed)))[: most + 1] / n, dtype=float)
+
+
+def _autoregression(covariances: FloatArray, n: int) -> tuple[FloatArray, float]:
+    """Return coefficients (order,) and innovation variance by Levinson's recursion, order by BIC."""
+    best = np.empty(0), float(covariances[0])
+    if not covariances[0] > 0:
         return best
-    coefficients, innovation = np.empty(0), float(covariance[0])
+    coefficients, innovation = np.empty(0), float(covariances[0])
     best_score = n * np.log(innovation)
-    for order in range(1, most + 1):
-        reflection = (covariance[order] - coefficients @ covariance[order - 1 : 0 : -1]) / innovation
+    for order in range(1, len(covariances)):
+        reflection = (covariances[order] - coefficients @ covariances[order - 1 : 0 : -1]) / innovation
         if not abs(reflection) < 1:
             break
         coefficients = np.append(coefficients - reflection * coefficients[::-1], reflection)

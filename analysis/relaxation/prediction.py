@@ -11,8 +11,8 @@ from analysis.relaxation.block_response import sampled_force
 from analysis.relaxation.blocks import condense
 from analysis.relaxation.constants import StepAnswer
 from analysis.relaxation.contact import find_contact
+from analysis.relaxation.motion import sample_noise
 from analysis.relaxation.result import TrialFit
-from analysis.relaxation.signal_checks import sample_noise
 from analysis.relaxation.windows import CannotFitError, cut_window
 
 

@@ -20,7 +20,9 @@ _SLOW_LIMIT = 1.5
 _SLOW_SIGMAS = 5.0
 
 
-def checks_of_ramp(trial: Trial, window: FitWindow, found: RampSolution, row: TrialFit) -> tuple[Check, ...]:
+def checks_of_ramp(
+    trial: Trial, window: FitWindow, contact: Contact, found: RampSolution, row: TrialFit
+) -> tuple[Check, ...]:
     """Return the checks of a ramp fit."""
     n_arms = len(found.times_s)
     errors = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
@@ -28,20 +30,24 @@ def checks_of_ramp(trial: Trial, window: FitWindow, found: RampSolution, row: Tr
     in_hold = found.residual_mn[window.hold_start :]
     return (
         _half_window_of_ramp(window, found, float(log_errors[0])),
-        *_shared(trial, window, in_hold, found.noise, row, offset_mn=found.offset_mn),
+        *_shared(trial, window, contact, in_hold, noise=found.noise, row=row, offset_mn=found.offset_mn),
         _identifiable(row, window, log_errors),
         _contact_not_seen(window, seen=found.contact_seen),
     )
 
 
-def checks_of_step(trial: Trial, window: FitWindow, found: StepSolution, row: TrialFit) -> tuple[Check, ...]:
+def checks_of_step(
+    trial: Trial, window: FitWindow, contact: Contact, found: StepSolution, row: TrialFit
+) -> tuple[Check, ...]:
     """Return the checks of a step fit."""
     n_terms = len(found.times_s)
     log_errors = np.sqrt(np.maximum(np.diag(found.covariance)[1 + n_terms :], 0.0))
-    before = signal_checks.force_before_contact(window)
+    before = contact.force_before_mn if contact.seen else None
     return (
         _half_window_of_step(window, found, float(log_errors[0])),
-        *_shared(trial, window, found.residual_mn, found.noise, row, offset_mn=before or 0.0),
+        *_shared(
+            trial, window, contact, found.residual_mn, noise=found.noise, row=row, offset_mn=before or 0.0
+        ),
         _identifiable(row, window, log_errors),
         _offset(before, row),
     )
@@ -50,10 +56,11 @@ def checks_of_step(trial: Trial, window: FitWindow, found: StepSolution, row: Tr
 def _shared(
     trial: Trial,
     window: FitWindow,
+    contact: Contact,
     in_hold_mn: FloatArray,
+    *,
     noise: NoiseSpectrum,
     row: TrialFit,
-    *,
     offset_mn: float,
 ) -> tuple[Check, ...]:
     return (
@@ -63,7 +70,7 @@ def _shared(
         signal_checks.saturation(trial, window),
         signal_checks.motion_artefact(window, in_hold_mn),
         signal_checks.ringing(window, in_hold_mn),
-        signal_checks.drift(trial, window, row.estimates["A0_mn"].value),
+        signal_checks.drift(trial, window, contact, row.estimates["A0_mn"].value),
         _not_white(noise, in_hold_mn),
         signal_checks.depth_missed(trial, window),
         _incomplete(trial, row),
@@ -79,7 +86,7 @@ def _half_window_of_ramp(window: FitWindow, found: RampSolution, log_error: floa
         return _window_check(np.nan, np.inf)
     n_arms = len(found.times_s)
     slowest = int(np.argmax(solution.parameters[:n_arms]))
-    covariance = estimate_covariance(solution.jacobian, half.counts, half.edges, found.noise)
+    covariance = estimate_covariance(solution.jacobian, half.edges, found.noise)
     at = n_arms + 2 + slowest
     moved = float(solution.parameters[slowest]) - float(np.log(found.times_s[0]))
     return _window_check(moved, _difference_error(float(covariance[at, at]), log_error))
@@ -92,7 +99,7 @@ def _half_window_of_step(window: FitWindow, found: StepSolution, log_error: floa
     except CannotFitError:
         return _window_check(np.nan, np.inf)
     slowest = int(np.argmax(solution.parameters))
-    covariance = estimate_covariance(solution.jacobian, half.counts, half.edges, found.noise)
+    covariance = estimate_covariance(solution.jacobian, half.edges, found.noise)
     at = 1 + len(found.times_s) + slowest
     moved = float(solution.parameters[slowest]) - float(np.log(found.times_s[0]))
     return _window_check(moved, _difference_error(float(covariance[at, at]), log_error))

@@ -68,11 +68,14 @@ class RampModel:
         return Rows(rows, slopes)
 
 
-def fit_ramp(window: FitWindow, n_arms: int = 2) -> RampSolution:
-    """Fit k0, n_arms arms (1 to 4), contact point and offset to a window; CannotFitError with the reason."""
+def fit_ramp(window: FitWindow, n_arms: int = 2, contact: Contact | None = None) -> RampSolution:
+    """Fit k0, n_arms arms (1 to 4), contact point and offset to a window; CannotFitError with the reason.
+
+    ``contact`` is where the search for the contact point begins, if that is known already.
+    """
     if not 1 <= n_arms <= _MOST_ARMS:
         raise ValueError(f"a fit has 1 to {_MOST_ARMS} arms, not {n_arms}")
-    contact = find_contact(window)
+    contact = find_contact(window) if contact is None else contact
     blocks = condense(window, contact.sample)
     solution, contact = solve_blocks(blocks, window, contact, n_arms)
     return _finish(window, blocks, solution, contact, n_arms)
@@ -133,12 +136,11 @@ def _finish(
     offset_mn = float(solution.amplitudes[-1])
     force_mn = sampled_force(blocks, contact_mm, stiffness, times_s) + offset_mn
     residual_mn = window.force_mn[: len(force_mn)] - force_mn
-    n_parameters = len(solution.amplitudes) + len(solution.parameters)
-    noise = measure_noise(residual_mn, n_parameters)
+    noise = measure_noise(residual_mn, solution.jacobian, blocks.edges)
     rows = np.concatenate([[0], 1 + order, [n_arms + 1], n_arms + 2 + order])
     if contact.seen:
         rows = np.append(rows, 2 * n_arms + 2)
-    covariance = estimate_covariance(solution.jacobian[rows], blocks.counts, blocks.edges, noise)
+    covariance = estimate_covariance(solution.jacobian[rows], blocks.edges, noise)
     return RampSolution(
         stiffness,
         times_s,

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from analysis.recordings.trial import FloatArray, Trial
-from analysis.relaxation.contact import find_contact
+from analysis.relaxation.contact import Contact
+from analysis.relaxation.motion import sample_noise
 from analysis.relaxation.result import Check
 from analysis.relaxation.windows import FitWindow
 
@@ -27,13 +28,6 @@ def _bin_means(values: FloatArray, bins: int = _BINS) -> FloatArray:
     return np.add.reduceat(values, edges[:-1]) / np.diff(edges)
 
 
-def sample_noise(values: FloatArray) -> float:
-    """Standard deviation of what differs from sample to sample."""
-    if len(values) < 4:
-        return 0.0
-    return float(np.median(np.abs(np.diff(values, 2))) / 0.6745 / np.sqrt(6.0))
-
-
 def _held_mm(window: FitWindow) -> FloatArray:
     """Position in the hold without its first moments, in which the servo settles."""
     hold_mm = window.position_mm[window.hold_start :]
@@ -42,7 +36,8 @@ def _held_mm(window: FitWindow) -> FloatArray:
 
 
 def _travel_mm(window: FitWindow) -> float:
-    held_mm = float(np.median(window.position_mm[window.hold_start :]))
+    hold_mm = window.position_mm[window.hold_start :]
+    held_mm = float(np.median(hold_mm[:: max(1, len(hold_mm) // 1000)]))
     return abs(held_mm - float(window.position_mm[window.ramp_start]))
 
 
@@ -162,17 +157,10 @@ def _fast(values: FloatArray) -> FloatArray:
     return np.asarray(left.ravel(), dtype=float)
 
 
-def force_before_contact(window: FitWindow) -> float | None:
-    """Return the force before contact, mN, or None where the recording begins in contact."""
-    contact = find_contact(window)
-    return contact.force_before_mn if contact.seen else None
-
-
-def drift(trial: Trial, window: FitWindow, elastic_mn: float) -> Check:
+def drift(trial: Trial, window: FitWindow, contact: Contact, elastic_mn: float) -> Check:
     """Compare the force before contact with the force at rest after contact is lost."""
     limit = _DRIFT_SHARE * abs(elastic_mn)
     clear = trial.phase("clear")
-    contact = find_contact(window)
     nothing = Check("drift", 0.0, limit, "mN", False, "not recorded on both sides of the contact")
     if clear is None or not contact.seen:
         return nothing

@@ -67,9 +67,9 @@ def fit_step(window: FitWindow, n_terms: int = 2) -> StepSolution:
     for amplitude_mn, tau_s in zip(amplitudes_mn[1:], times_s, strict=True):
         model_mn += amplitude_mn * np.exp(time_s * (-1.0 / tau_s))
     residual_mn = window.force_mn[window.hold_start :] - model_mn
-    noise = measure_noise(residual_mn, 1 + 2 * n_terms)
+    noise = measure_noise(residual_mn, solution.jacobian, blocks.edges)
     rows = np.concatenate([[0], 1 + order, 1 + n_terms + order])
-    covariance = estimate_covariance(solution.jacobian[rows], blocks.counts, blocks.edges, noise)
+    covariance = estimate_covariance(solution.jacobian[rows], blocks.edges, noise)
     return StepSolution(amplitudes_mn, times_s, covariance, residual_mn, noise, blocks, solution)
 
 

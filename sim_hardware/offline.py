@@ -31,6 +31,7 @@ class TrialPlan:
     """What one trial does; defaults are the published ones.
 
     ``short_mm``: how far short of the surface the trial begins. ``rest_s``: time before it, the arm parked.
+    ``surface_mm`` asks the hands for a finger at that height (None: as it comes).
     ``sweep_mm`` and ``ramp_speed_mm_s`` are the span and speed of an air sweep. ``depth_mm`` counts from
     the detected surface.
     """
@@ -39,6 +40,7 @@ class TrialPlan:
     finger: str = "index"
     site: str = ""
     repeat: int = 1
+    surface_mm: float | None = None
     depth_mm: float = 0.6
     ramp_speed_mm_s: float = 5.0
     hold_s: float = 7.0
@@ -264,7 +266,10 @@ def _place(world: World, plan: TrialPlan) -> None:
     elif plan.kind == "rigid_target":
         world.request("place_block")
     else:
-        world.request("place_finger", {"finger": plan.finger, "site": plan.site, "repeat": plan.repeat})
+        details: dict[str, object] = {"finger": plan.finger, "site": plan.site, "repeat": plan.repeat}
+        if plan.surface_mm is not None:
+            details["surface_mm"] = plan.surface_mm
+        world.request("place_finger", details)
 
 
 def _approach(recorder: _Recorder, plan: TrialPlan, latency_s: float) -> FoundSurface:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -14,18 +14,18 @@ from sim_hardware.effects.base import overrides
 from sim_hardware.parts import SAMPLE_RATE_HZ, Block, FloatArray, Parts
 from sim_hardware.settings import BenchSettings
 from sim_hardware.world import hands, specimens
+from sim_hardware.world.clock import TrialClock
 from sim_hardware.world.constants import draw_constants
 from sim_hardware.world.contact import Contact
 from sim_hardware.world.converters import Converter
 from sim_hardware.world.lever import Servo
 from sim_hardware.world.noise import SensorNoise
+from sim_hardware.world.truth import truth
 
 _CHUNK = 4000
 """Samples integrated at a time, so that fine arrays stay in the cache."""
 _SETTLE = 160
 """Samples of a rest that are integrated as any others: the servo comes to rest within."""
-_STARTED_V = 2e-3
-"""A command that moves by this much starts the trial's clock."""
 _G_M_S2 = 9.80665
 """Also the weight of a gram, mN."""
 
@@ -72,7 +72,7 @@ class World:
         self._noise = SensorNoise(settings.noise, settings.seed)
         self._index = 0
         self._trial = -1
-        self._trial_start: int | None = None
+        self.clock = TrialClock()
         self._command_v = settings.initial_command_v
         self._memory: dict[str, tuple[float, int]] = {}
         self._specimen = specimens.nothing(settings)
@@ -104,10 +104,15 @@ class World:
         if command.ndim != 1 or not np.isfinite(command).all():
             raise ValueError("the command must be one line of finite volts")
         position_v, force_v = np.empty_like(command), np.empty_like(command)
-        for start in range(0, len(command), _CHUNK):
-            part = slice(start, start + _CHUNK)
-            block = self._move(command[part])
-            position_v[part], force_v[part] = self._read(block)
+        for chunk in range(0, len(command), _CHUNK):
+            end = min(chunk + _CHUNK, len(command))
+            cuts = self.clock.cut(self._index, command[chunk:end], self._command_v)
+            stops = [chunk + c for c, _ in cuts[1:]] + [end]
+            for (cut, sets_off), stop in zip(cuts, stops, strict=True):
+                if sets_off and self.clock.waiting:
+                    self.clock.start = self._index
+                part = slice(chunk + cut, stop)
+                position_v[part], force_v[part] = self._read(self._move(command[part]))
         return Readings(position_v, force_v)
 
     def rest(self, duration_s: float) -> None:
@@ -131,10 +136,10 @@ class World:
             effect.rest(duration_s)
 
     def begin_trial(self) -> None:
-        """Start a trial's clock now; without this it starts when the arm moves after something was placed."""
-        if self._trial_start is not None:
+        """Start a trial's clock now; without this the clock goes by when the arm sets off."""
+        if self.clock.start is not None and not self.clock.waiting:
             self._new_trial()
-        self._trial_start = self._index
+        self.clock.begin(self._index)
 
     # --- hands and looks ------------------------------------------------------------------------------
 
@@ -158,24 +163,7 @@ class World:
 
     def truth(self) -> dict[str, object]:
         """Return what was drawn and what is under the arm, for tests and scoring only."""
-        parts = asdict(self._specimen.parts)
-        del parts["memory"]
-        return {
-            **asdict(self.constants),
-            "arm_mass_g": self.settings.lever.arm_mass_g,
-            "natural_frequency_rad_s": self.settings.lever.natural_frequency_rad_s,
-            "damping_ratio": self.settings.lever.damping_ratio,
-            "force_noise_mn": self.settings.noise.force_mn_rms,
-            "position_noise_um": self.settings.noise.position_um_rms,
-            "specimen": self._specimen.label,
-            "surface_mm": self._specimen.surface_mm,
-            "tissue": parts,
-            "effects": [
-                {"name": e.name, "rough": e.rough, **e.values, "drawn": e.drawn()} for e in self.effects
-            ],
-            "trial": self.trial,
-            "trial_start_s": -1.0 if self._trial_start is None else self._trial_start / SAMPLE_RATE_HZ,
-        }
+        return truth(self)
 
     @property
     def specimen(self) -> specimens.SpecimenPart:
@@ -214,7 +202,7 @@ class World:
 
     def _new_trial(self) -> None:
         self._trial += 1
-        self._trial_start = None
+        self.clock.reset()
         self._noise.begin_trial()
         for effect in self.effects:
             effect.begin_trial(self._trial)
@@ -233,8 +221,8 @@ class World:
         """Return a block that begins at a sample's index, its motor not yet moved."""
         index = np.arange(first, first + len(command_mm))
         trial = np.full(len(index), -1.0)
-        if self._trial_start is not None:
-            trial = (index - self._trial_start) / SAMPLE_RATE_HZ
+        if self.clock.start is not None:
+            trial = (index - self.clock.start) / SAMPLE_RATE_HZ
         empty = np.empty(0)
         return Block(
             time_s=index / SAMPLE_RATE_HZ,
@@ -261,10 +249,6 @@ class World:
 
     def _move(self, command_v: FloatArray) -> Block:
         """Move lever, punch and specimen through a block of the command."""
-        if self._trial_start is None:
-            moved = np.flatnonzero(np.abs(command_v - self._command_v) > _STARTED_V)
-            if len(moved):
-                self._trial_start = self._index + int(moved[0])
         command_mm = self._command_mm(command_v)
         block = self._block(self._index, command_mm)
         for effect in self._hook["drive_mm"]:
@@ -278,6 +262,8 @@ class World:
         surface[0] = self._surface_before
         surface[1:] = self._surface(block)
         block.fine_force_mn, block.fine_gap_mm = self._contact.advance(block.fine_tip_mm, surface)
+        if self.clock.waiting and block.fine_force_mn.any():
+            self.clock.touched()
         for effect in self._hook["touch"]:
             effect.touch(block)
         if len(command_v):

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from sim_hardware.world.bench import World
 
 KINDS = {
-    "place_finger": ("finger", "site", "repeat"),
+    "place_finger": ("finger", "site", "repeat", "surface_mm"),
     "remove_finger": (),
     "place_block": (),
     "turn_micrometer": ("position_um",),
@@ -61,7 +61,10 @@ def _place_finger(world: World, details: Mapping[str, object]) -> str:
             f"request 'place_finger': finger = {finger!r}: must be one of {', '.join(specimens.FINGERS)}"
         )
     repeat = int(_number("place_finger", {"repeat": 1, **details}, "repeat", (0, 1e6)))
-    part = specimens.finger(world.settings, str(finger), str(details.get("site", "")), repeat)
+    surface_mm = None
+    if "surface_mm" in details:
+        surface_mm = _number("place_finger", details, "surface_mm", (0.5, 9.0), "mm")
+    part = specimens.finger(world.settings, str(finger), str(details.get("site", "")), repeat, surface_mm)
     _put(world, part)
     return f"the {finger} finger is under the punch, site {details.get('site', '')!s}"
 

@@ -14,6 +14,7 @@ from sim_hardware.settings import BenchSettings
 FINGERS = ("thumb", "index", "middle", "ring", "little")
 FAR_MM = 1.0e3
 """Where the surface is when nothing lies under the arm."""
+_HAND_MM = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,11 +57,19 @@ def block(settings: BenchSettings, micrometer_um: float) -> SpecimenPart:
     return SpecimenPart("block", "", surface_mm, parts, skin=False)
 
 
-def finger(settings: BenchSettings, name: str, site: str, repeat: int) -> SpecimenPart:
-    """Return a finger at a site: the same labels give the same tissue and height on the same bench."""
+def finger(
+    settings: BenchSettings, name: str, site: str, repeat: int, surface_mm: float | None = None
+) -> SpecimenPart:
+    """Return a finger at a site: the same labels give the same tissue and height on the same bench.
+
+    Where a hand was asked for a height it comes within some 50 um of it.
+    """
     about = settings.specimens
     height = np.random.default_rng([settings.seed, 3, _key(name, site, str(repeat))])
-    surface_mm = float(height.uniform(about.surface_low_mm, about.surface_high_mm))
+    if surface_mm is None:
+        surface_mm = float(height.uniform(about.surface_low_mm, about.surface_high_mm))
+    else:
+        surface_mm += _HAND_MM * float(np.clip(height.standard_normal(), -2, 2))
     tissue = settings.tissue
     stiffer, slower = 1.0, 1.0
     ratio = [1.0, 1.0]

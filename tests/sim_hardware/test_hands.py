@@ -120,3 +120,37 @@ def test_no_finger_is_put_where_the_punch_is(bench: Any) -> None:
     world.advance(bench.volts(world, bench.line(world.arm().position_mm, 8.0, 20.0)))
     with pytest.raises(ValueError, match="in the way"):
         world.request("place_finger", {"finger": "index", "site": "a", "repeat": 1})
+
+
+def test_a_hand_puts_the_finger_about_where_it_is_asked() -> None:
+    world = World(BenchSettings.from_toml("seed = 2"))
+    heights = []
+    for site in "abcdef":
+        world.request("place_finger", {"finger": "index", "site": site, "repeat": 1, "surface_mm": 4.2})
+        heights.append(world.specimen.surface_mm)
+    assert np.allclose(heights, 4.2, atol=0.11)
+    assert np.std(heights) > 0.01
+
+
+@pytest.mark.parametrize("block", [16, 4000])
+def test_the_trial_begins_when_the_arm_last_sets_off_before_it_touches(
+    bench: Any, quiet: Any, block: int
+) -> None:
+    """A move to the start, a rest, the approach: the approach's first sample counts."""
+    world = World(quiet())
+    world.request("place_finger", {"finger": "index", "site": "a", "repeat": 1})
+    z = world.specimen.surface_mm
+    go = np.concatenate(
+        [
+            bench.line(world.arm().position_mm, z - 0.5, 20.0),
+            bench.hold(z - 0.5, 0.3),
+            bench.line(z - 0.5, z + 0.06, 1.0),
+            bench.hold(z + 0.06, 0.3),
+            bench.line(z + 0.06, z + 0.3, 5.0),
+        ]
+    )
+    began = len(bench.line(world.arm().position_mm, z - 0.5, 20.0)) + 2400
+    command = bench.volts(world, go)
+    for at in range(0, len(command), block):
+        world.advance(command[at : at + block])
+    assert world.truth()["trial_start_s"] == began / 8000

@@ -26,6 +26,9 @@ BACKGROUND_PERIOD_S = 0.02
 LONGEST_NAP_S = 60.0
 OPEN_INPUT_NOISE_V = 0.3e-3
 
+Wires = tuple[FloatArray, FloatArray, FloatArray]
+"""Volts of the position and force sensors and of AO0, (n,) each."""
+
 
 class Timebase:
     """One clock. AO0 drives the plant, AI0 and AI1 read it, AI2 hears AO0 where that is wired.
@@ -48,10 +51,10 @@ class Timebase:
         self.n_samples = 0
         self.converter = converter
         self.output_v = np.zeros(N_CHANNELS["ao"])
-        self.output_v[0] = initial_command_v
+        self.output_v[0] = converter.convert(np.array(initial_command_v))
         self._loopback_wired = loopback_wired
         self._noise = np.random.default_rng((seed, 0xA12))
-        self._input_v = np.zeros(N_CHANNELS["ai"])
+        self._latest = (np.zeros(1), np.zeros(1), np.zeros(1))
         self._orders: list[tuple[float, int, Callable[[], None]]] = []
         self._order_numbers = itertools.count()
         self._changed = threading.Condition(threading.RLock())
@@ -74,8 +77,9 @@ class Timebase:
 
     def _run_background(self) -> None:
         while not self._closing.wait(BACKGROUND_PERIOD_S):
-            with self.at_now():
-                pass
+            with self._changed:
+                if self.clock.n_due() - self.n_samples > BACKGROUND_PERIOD_S * SAMPLE_RATE_HZ / 2:
+                    self._catch_up()
 
     def held(self) -> threading.Condition:
         """Hold the card as it is."""
@@ -123,7 +127,7 @@ class Timebase:
             block = acquiring.n_left(block)  # what this acquisition clocks ends with it, on the sample
         command_v = self._play(playing, acquiring, block)
         readings = self.plant.advance(command_v)
-        self._acquire(acquiring, readings.position_v, readings.force_v, command_v)
+        self._acquire(acquiring, (readings.position_v, readings.force_v, command_v))
         self.n_samples += block
         return block
 
@@ -159,26 +163,19 @@ class Timebase:
             task.done = True
         return command_v
 
-    def _acquire(
-        self, task: CardTask | None, position_v: FloatArray, force_v: FloatArray, command_v: FloatArray
-    ) -> None:
-        """Put one block of readings, each (n,), into the buffer of the acquisition."""
-        loopback_v = (
-            self.converter.convert(command_v) if self._loopback_wired else self._open_input(len(command_v))
-        )
-        lines = [position_v, force_v, loopback_v, None]
+    def _acquire(self, task: CardTask | None, wires: Wires) -> None:
+        """Put one block of what is on the wires into the buffer of the acquisition."""
+        self._latest = (wires[0][-1:], wires[1][-1:], wires[2][-1:])
         if task is not None and task.ring is not None:
-            block = np.empty((len(task.channels), len(command_v)))
-            for row, channel in enumerate(task.channels):
-                line = lines[channel.index]
-                block[row] = self._open_input(len(command_v)) if line is None else line
-            task.ring.store(block)
+            task.ring.store(np.stack([self._hear(channel.index, wires) for channel in task.channels]))
             if task.finite and task.n_left(1) == 0:
                 task.done = True
-        self._input_v = np.array([position_v[-1], force_v[-1], loopback_v[-1], self._open_input(1)[0]])
 
-    def _open_input(self, n: int) -> FloatArray:
-        return self.converter.convert(self._noise.normal(0.0, OPEN_INPUT_NOISE_V, n))
+    def _hear(self, index: int, wires: Wires) -> FloatArray:
+        """What an input reads; the outputs' voltages are on the converters' grid already."""
+        if index < 2 or (index == 2 and self._loopback_wired):
+            return wires[index]
+        return self.converter.convert(self._noise.normal(0.0, OPEN_INPUT_NOISE_V, len(wires[0])))
 
     def _fail(self, task: CardTask, code: int) -> None:
         task.fault, task.fault_reported, task.done = int(code), False, True
@@ -224,7 +221,7 @@ class Timebase:
 
     def input_now(self, indices: list[int]) -> FloatArray:
         """Volts on these inputs at the latest sample, shape (len(indices),)."""
-        return self._input_v[indices]
+        return np.array([self._hear(index, self._latest)[0] for index in indices])
 
     def set_outputs(self, volts: dict[int, float]) -> None:
         """Put outputs to a value at once; in virtual time the value lasts at least one sample."""

@@ -5,12 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from analysis.recordings.trial import Calibration
 
+
+def _not_zero(value: float) -> float:
+    if value == 0:
+        raise ValueError("must not be 0")
+    return value
+
+
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
+NotZero = Annotated[float, AfterValidator(_not_zero)]
+"""A wire may turn a signal's sign, but not take it away."""
 PhysicalChannel = Annotated[str, Field(pattern=r"^(ai|ao)\d+$")]
 
 LEVER_TRAVEL_MM = 10.0
@@ -89,11 +98,11 @@ class LeverSettings(Settings):
 class CalibrationSettings(Settings):
     """Nominal constants, used until `indenter calibrate` has measured this bench's own."""
 
-    volts_per_mm: Positive = 2.042
+    volts_per_mm: NotZero = 2.042
     position_zero_v: float = -10.0
-    volts_per_mn: Positive = 0.015
+    volts_per_mn: NotZero = 0.015
     force_zero_v: float = 0.0
-    command_volts_per_mm: Positive = 2.042
+    command_volts_per_mm: NotZero = 2.042
     command_zero_v: float = -10.0
     calibrated: str = ""
     folder: str | None = None

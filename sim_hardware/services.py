@@ -65,5 +65,5 @@ class Services:
             list(pool.map(lambda server: server.shutdown(), servers))
         for server in servers:
             server.server_close()
-        self._daq.stop(grace=0.2).wait()
         self.card.close()
+        self._daq.stop(grace=0.2).wait()

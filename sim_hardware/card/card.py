@@ -42,6 +42,13 @@ class Card(Timebase):
         self._stalled_until_s = 0.0
         self._pending_stall_s = 0.0
 
+    def close(self) -> None:
+        """Switch the card off: calls that wait come back with an error."""
+        super().close()
+        with self._changed:
+            for task in self.tasks.values():
+                self._abort(task)
+
     # ---- faults to order
 
     def attend(self) -> None:
@@ -50,8 +57,8 @@ class Card(Timebase):
             stall_s, self._pending_stall_s = self._pending_stall_s, 0.0
             if stall_s:
                 self._advance(round(stall_s * SAMPLE_RATE_HZ))
-        while (wait_s := self._stalled_until_s - time.monotonic()) > 0:
-            time.sleep(wait_s)
+        while (wait_s := self._stalled_until_s - time.monotonic()) > 0 and not self._closing.wait(wait_s):
+            pass
 
     def stall(self, duration_s: float) -> None:
         """Serve no call for this long while the card's clock runs on."""

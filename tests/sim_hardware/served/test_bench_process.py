@@ -6,9 +6,12 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 import xmlrpc.client
 
+import grpc
+import nidaqmx
 import psutil
 import pytest
 import serial
@@ -77,6 +80,34 @@ def test_it_lives_until_its_stdin_closes_whoever_holds_it(start):
     os.close(other_holder)
     assert process.wait(10) == 0
     assert process.stderr.read() == ""
+
+
+def test_it_ends_although_a_client_still_waits(start):
+    process = start()
+    process.stdin.write("# end\n")
+    process.stdin.flush()
+    channel = grpc.insecure_channel(addresses_of(process)["card"])
+    task = nidaqmx.Task(grpc_options=nidaqmx.GrpcSessionOptions(channel, ""))
+    task.ai_channels.add_ai_voltage_chan("Dev1/ai0")
+    task.timing.cfg_samp_clk_timing(8000.0)
+    task.triggers.start_trigger.cfg_dig_edge_start_trig("/Dev1/PFI0")
+    task.start()
+    ended = []
+
+    def wait_for_ever():
+        try:
+            task.read(10, timeout=nidaqmx.constants.WAIT_INFINITELY)
+        except (nidaqmx.errors.DaqError, nidaqmx.errors.RpcError) as error:
+            ended.append(error)
+
+    waiting = threading.Thread(target=wait_for_ever)
+    waiting.start()
+    time.sleep(0.2)
+    process.stdin.close()
+    assert process.wait(10) == 0
+    waiting.join(10)
+    assert len(ended) == 1
+    channel.close()
 
 
 def test_it_listens_on_the_loopback_interface_alone(start):

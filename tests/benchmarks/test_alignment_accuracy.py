@@ -1,0 +1,88 @@
+"""Command against position and force, to the sample: by loop-back, and where the start is merely expected.
+
+`pytest -m benchmark -s tests/benchmarks/test_alignment_accuracy.py`
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rig.config import parse_rig
+from rig.hardware.companion import Companion
+from rig.hardware.lever import Lever
+from rig.hardware.remote import ControlService
+from rig.hardware.retreat import straight_mm
+
+BENCH = """
+[card]
+address = "companion:card"
+loopback_channel = "ai2"
+[companion]
+command = ["{python}", "-m", "sim_hardware"]
+[companion.settings]
+seed = 5
+loopback_wired = true
+"""
+
+
+def played(
+    lever: Lever, to_mm: float, speed_mm_s: float, late: int, control: ControlService
+) -> tuple[int, int, int]:
+    """Play one way; the true start by the loop-back's own best fit, the one found and the one expected."""
+    if late:
+        control.call("fault", "late_start", {"samples": late})
+    way_mm = straight_mm(lever.commanded_mm, to_mm, speed_mm_s=speed_mm_s, rate_hz=lever.sample_rate_hz)
+    playback = lever.play(way_mm)
+    chunks = [lever.read(1)]
+    while not playback.done:
+        chunks.append(lever.read(80))
+    chunks.append(lever.read(late + 80))
+    command_v = np.concatenate([chunk.command_v for chunk in chunks])
+    first = chunks[0].start
+    # an exhaustive search, over every place, with everything recorded: what the finder must agree with
+    places = np.arange(playback.expected_sample - 40 - first, playback.expected_sample + 460 - first)
+    places = places[(places >= 0) & (places + playback.n <= len(command_v))]
+    misfit = [float(np.var(command_v[p : p + playback.n] - playback.volts)) for p in places]
+    # the exhaustive one is free of the level, so it needs the rest around a straight ramp
+    misfit = [
+        m + float(np.mean((command_v[p] - playback.volts[0]) ** 2))
+        for m, p in zip(misfit, places, strict=True)
+    ]
+    found = playback.started_sample
+    assert found is not None
+    return int(places[int(np.argmin(misfit))]) + first, found, playback.expected_sample
+
+
+@pytest.mark.benchmark
+@pytest.mark.parametrize("time", ["virtual", "real"])
+def test_alignment_with_late_starts(time: str) -> None:
+    rig = parse_rig(BENCH + f'time = "{time}"\n', "bench")
+    assert rig.companion is not None
+    rng = np.random.default_rng(7)
+    found_off: list[int] = []
+    expected_off: list[int] = []
+    with Companion(rig.companion) as companion:
+        control = ControlService(companion.resolve("companion:control"))
+        control.call("request", "clear_air", {})
+        with Lever(rig, companion.resolve(rig.card.address), rig.calibration.nominal()) as lever:
+            lever.retreat()
+            lever.start_recording()
+            for i in range(120 if time == "virtual" else 40):
+                late = 0 if i % 2 else int(rng.integers(1, 400))
+                to_mm = float(rng.uniform(1.0, 9.0))
+                while abs(to_mm - lever.commanded_mm) < 0.2:
+                    to_mm = float(rng.uniform(1.0, 9.0))
+                true, found, expected = played(lever, to_mm, float(rng.uniform(2.0, 40.0)), late, control)
+                found_off.append(found - true)
+                expected_off.append(expected - true)
+        control.close()
+    by_loopback, as_expected = np.abs(found_off), np.abs(expected_off)
+    prompt = as_expected[1::2]
+    print(
+        f"\n{len(by_loopback)} motions, {time} time, every other one up to 400 samples late: by loop-back off by "
+        f"at most {by_loopback.max()} samples ({np.mean(by_loopback == 0):.0%} exact); taken as expected: off by "
+        f"at most {as_expected.max()} samples, of those in time median {np.median(prompt):.0f}, "
+        f"at most {prompt.max()}"
+    )
+    assert by_loopback.max() == 0

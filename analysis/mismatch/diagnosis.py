@@ -26,6 +26,7 @@ SAME_GAIN = 0.05
 ALTERNATIVES_TRIED = 6
 ABSORBED_SHARE = 0.06
 HIDDEN_STRENGTH = 6.0
+SLIGHT = 0.01
 
 
 @dataclass(frozen=True)
@@ -205,7 +206,7 @@ def find_absorbed(problem: Problem, fit: JointFit) -> tuple[Absorbed, ...]:
     """Return the laws whose effect the fitted parameters can imitate so well that these trials can't show it."""
     present = {a.mechanism.name for a in fit.simulation.additions}
     probes = [
-        Probe(m, {**m.null, **m.typical})
+        Probe(m, _slight(m))
         for m in library().values()
         if m.form == "law" and m.typical and m.name not in present and any(m.applies(t) for t in problem.trials)
     ]
@@ -215,13 +216,26 @@ def find_absorbed(problem: Problem, fit: JointFit) -> tuple[Absorbed, ...]:
     names = [p.name for p in fit.simulation.parameters(problem.trials)]
     found = []
     for k, probe in enumerate(probes):
-        raw, left = float(signatures.raw_norm[k]), float(signatures.norm[k])
+        raw, left = float(signatures.raw_norm[k] / SLIGHT), float(signatures.norm[k] / SLIGHT)
         if raw < HIDDEN_STRENGTH:
             continue
         if left > ABSORBED_SHARE * raw and left > HIDDEN_STRENGTH:
             continue
         if left > 5 * HIDDEN_STRENGTH:
             continue
-        shift = {n: 100.0 * float(np.expm1(signatures.absorbed[i, k])) for i, n in enumerate(names[:5])}
-        found.append(Absorbed(probe.mechanism, dict(probe.values), left / raw, shift))
+        shift = {n: 100.0 * float(signatures.absorbed[i, k]) / SLIGHT for i, n in enumerate(names[:5])}
+        values = {**probe.mechanism.null, **probe.mechanism.typical}
+        found.append(Absorbed(probe.mechanism, values, left / raw, shift))
     return tuple(found)
+
+
+def _slight(mechanism: Mechanism) -> dict[str, float]:
+    """Return the typical parameters with a hundredth of their amplitude, at which every law is linear."""
+    values = {**mechanism.null, **mechanism.typical}
+    name = mechanism.amplitude
+    parameter = mechanism.parameter(name)
+    if parameter.scale == "linear":
+        values[name] = mechanism.null[name] + SLIGHT * (values[name] - mechanism.null[name])
+    else:
+        values[name] = parameter.from_fit(SLIGHT * parameter.to_fit(values[name]))
+    return values

@@ -170,9 +170,8 @@ def linearise(
         columns[:, k] = (simulation.moved_to(moved, trials).force_mn(trial, own) - force) / step
     own_columns = [np.ones_like(force)]
     if trial.touches:
-        up = simulation.force_mn(trial, replace(own, z0_mm=own.z0_mm + Z0_STEP_MM))
-        down = simulation.force_mn(trial, replace(own, z0_mm=own.z0_mm - Z0_STEP_MM))
-        own_columns.append((up - down) / (2 * Z0_STEP_MM))
+        deeper = simulation.force_mn(trial, replace(own, z0_mm=own.z0_mm + Z0_STEP_MM))
+        own_columns.append((deeper - force) / Z0_STEP_MM)
     A = np.column_stack([*own_columns, latent])
     residual = trial.force_mn - force - latent @ coefficients
     stacked = whitener(np.column_stack([residual, columns, A]))

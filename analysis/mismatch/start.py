@@ -9,10 +9,10 @@ import numpy as np
 from scipy.optimize import nnls
 
 from analysis.errors import BadInputError
-from analysis.relaxation.response import arm_response
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.forward import RIGID_STIFFNESS_MN_PER_MM, PerTrial, indentation
 from analysis.simulation.mechanism import Tissue
+from analysis.simulation.response import arm_force
 
 TRIALS_USED = 6
 
@@ -30,7 +30,7 @@ def start_tissue(trials: Sequence[CellTrial]) -> Tissue:
     elastic = np.concatenate([d * w for d, w in zip(depths, weights, strict=True)])
     arms = [
         np.concatenate(
-            [arm_response(d, t.time_s, float(tau)) * w for t, d, w in zip(skin, depths, weights, strict=True)]
+            [arm_force(d, t.steps, float(tau)) * w for t, d, w in zip(skin, depths, weights, strict=True)]
         )
         for tau in taus
     ]

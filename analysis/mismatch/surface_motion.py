@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.relaxation.response import arm_response
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.forward import PerTrial, indentation
 from analysis.simulation.mechanism import Tissue
+from analysis.simulation.response import arms_force
 
 FloatArray = NDArray[np.float64]
 TOUCHING_MM = 5e-3
@@ -24,9 +24,6 @@ def surface_force(trial: CellTrial, tissue: Tissue, own: PerTrial, rows_mm: Floa
     """Return the force (m, n) that movements of the surface towards the arm (m, n), mm, make while in contact."""
     inside = in_contact(trial, own)
     w = rows_mm * inside
-    force = (
-        tissue.k0 * w
-        + tissue.k1 * arm_response(w, trial.time_s, tissue.tau1)
-        + tissue.k2 * arm_response(w, trial.time_s, tissue.tau2)
-    )
+    times, stiffnesses = np.array([tissue.tau1, tissue.tau2]), np.array([tissue.k1, tissue.k2])
+    force = tissue.k0 * w + arms_force(w, trial.steps, times, stiffnesses)
     return np.asarray(force * inside)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from analysis.recordings.trial import PHASE_NAMES, Trial
 from analysis.simulation.motion import Motion
+from analysis.simulation.response import Steps
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -78,6 +79,19 @@ class CellTrial:
     def angle_travel_mm(self) -> FloatArray:
         """Lever coordinate counted from the middle of travel, where the angle is zero, (n,), mm."""
         return self.position_mm - TRAVEL_MIDDLE_MM
+
+    @cached_property
+    def steps(self) -> Steps:
+        """The times between the cells."""
+        return Steps.between(self.time_s)
+
+    @cached_property
+    def onset_steps(self) -> Steps:
+        """The times between the cells as if everything before the hold had happened at its first instant."""
+        time_s = self.time_s.copy()
+        first = int(np.argmax(self.in_phase("hold")))
+        time_s[:first] = time_s[first] - 1e-9 * np.arange(first, 0, -1)
+        return Steps.between(time_s)
 
     @cached_property
     def hold_window_s(self) -> tuple[float, float]:

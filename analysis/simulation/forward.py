@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.mechanism import Mechanism, Tissue, Values
-from analysis.relaxation.response import arm_response
+from analysis.simulation.response import arms_force
 
 FloatArray = NDArray[np.float64]
 
@@ -115,16 +115,9 @@ def _contact_force(
         return stiffness * depth
     for m, p in added:
         depth = m.indentation_mm(trial, depth, p)
-    t = trial.time_s
-    if ideal_step:
-        t = t.copy()
-        first = int(np.argmax(trial.in_phase("hold")))
-        if first > 0:  # the step happens at the hold's first instant, however coarse the cells before it are
-            t[:first] = t[first] - 1e-9 * np.arange(first, 0, -1)
-    free = (
-        tissue.k0 * depth
-        + tissue.k1 * arm_response(depth, t, tissue.tau1)
-        + tissue.k2 * arm_response(depth, t, tissue.tau2)
+    steps = trial.onset_steps if ideal_step else trial.steps
+    free = tissue.k0 * depth + arms_force(
+        depth, steps, np.array([tissue.tau1, tissue.tau2]), np.array([tissue.k1, tissue.k2])
     )
     for m, p in added:
         free = free + m.tissue_force_mn(trial, depth, tissue, p)

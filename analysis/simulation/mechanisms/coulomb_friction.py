@@ -3,33 +3,62 @@
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 
-from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Values
 from analysis.simulation.cells import CellTrial
+from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Values
+
+RESTING_MM_S = 0.15
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _bristle_force(velocity: FloatArray, step_s: FloatArray, bristle_mm: float, fade_s: float) -> FloatArray:
+    out = np.empty_like(velocity)
+    z = 0.0
+    for i in range(velocity.shape[0]):
+        v = velocity[i]
+        slide = abs(v) / bristle_mm
+        fade = np.exp(-((v / RESTING_MM_S) ** 2)) / fade_s
+        rate = slide + fade
+        settled = v / bristle_mm / rate
+        decay = np.exp(-rate * step_s[i])
+        share = (1.0 - decay) / (rate * step_s[i])
+        out[i] = settled + (z - settled) * share
+        z = settled + (z - settled) * decay
+    return out
 
 
 class CoulombFriction(Mechanism):
-    """F gains Fc sign(dx/dt).
+    """F gains Fc sign(dx/dt), built up over a little travel and let go over a little time.
 
-    The sign is smoothed over ``onset_mm_s``, so that a resting arm's last microns do not flip it.
+    The sign is that of Dahl's bristles: they bend over ``bristle_um`` of travel before they slide, and what they hold
+    fades at rest with ``fade_ms``. Both towards zero is the textbook's sign function.
     """
 
     name = "coulomb_friction"
     stage = "sensor"
     parameters = (
         Parameter("force_mn", "mN", 0.0, 1.0e6),
-        Parameter("onset_mm_s", "mm/s", 0.005, 2.0, "log", inner=True),
+        Parameter("bristle_um", "um", 0.02, 500.0, "log", inner=True),
+        Parameter("fade_ms", "ms", 0.1, 1.0e4, "log", inner=True),
     )
     amplitude = "force_mn"
-    null = {"force_mn": 0.0, "onset_mm_s": 0.03}
-    probes = ({"force_mn": 0.1, "onset_mm_s": 0.03},)
-    typical = {"force_mn": 1.0, "onset_mm_s": 0.03}
+    null = {"force_mn": 0.0, "bristle_um": 0.1, "fade_ms": 1.0}
+    probes = (
+        {"force_mn": 0.1, "bristle_um": 0.1, "fade_ms": 1.0},
+        {"force_mn": 0.1, "bristle_um": 2.0, "fade_ms": 30.0},
+        {"force_mn": 0.1, "bristle_um": 2.0, "fade_ms": 1000.0},
+    )
+    typical = {"force_mn": 1.0, "bristle_um": 0.1, "fade_ms": 1.0}
     needs_contact = False
     in_air = True
     words = "dry friction in the bearing: a force that opposes motion and does not depend on its speed"
-    source = "Coulomb's law"
+    source = "Coulomb's law; onset and release after Dahl (1968)"
     separated_by = "air_sweep"
 
     def sensor_force_mn(self, trial: CellTrial, force_mn: FloatArray, p: Values) -> FloatArray:
-        """F + Fc sign(v)."""
-        return np.asarray(force_mn + p["force_mn"] * np.tanh(trial.velocity_mm_s / p["onset_mm_s"]))
+        """F + Fc z."""
+        z = _bristle_force(
+            trial.velocity_mm_s, trial.counts / trial.sample_rate_hz, 1e-3 * p["bristle_um"], 1e-3 * p["fade_ms"]
+        )
+        return np.asarray(force_mn + p["force_mn"] * z)

@@ -24,4 +24,4 @@ class ForceLag(Mechanism):
 
     def sensor_force_mn(self, trial: CellTrial, force_mn: FloatArray, p: Values) -> FloatArray:
         """F after the filter."""
-        return low_pass(force_mn, trial.time_s, 1e-3 * p["time_constant_ms"])
+        return low_pass(force_mn, trial.steps, 1e-3 * p["time_constant_ms"])

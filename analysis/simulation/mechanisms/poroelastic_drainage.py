@@ -6,8 +6,7 @@ import numpy as np
 
 from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Tissue, Values
 from analysis.simulation.cells import CellTrial
-from analysis.relaxation.response import arm_response
-from analysis.simulation.response import spectrum_force
+from analysis.simulation.response import arm_force, arms_force
 
 
 class PoroelasticDrainage(Mechanism):
@@ -37,6 +36,6 @@ class PoroelasticDrainage(Mechanism):
         s = np.geomspace(0.02, 2e3, 22)
         weights = s**-0.5 * np.exp(-0.25 / s) / (2 * np.sqrt(np.pi)) * np.log(s[1] / s[0])
         weights /= weights.sum()
-        slow = spectrum_force(depth_mm, trial.time_s, T / s, 1.304 * weights)
-        fast = 0.304 * arm_response(depth_mm, trial.time_s, T / 0.254)
+        slow = arms_force(depth_mm, trial.steps, T / s, 1.304 * weights)
+        fast = 0.304 * arm_force(depth_mm, trial.steps, T / 0.254)
         return p["ratio_to_k0"] * tissue.k0 * (slow - fast)

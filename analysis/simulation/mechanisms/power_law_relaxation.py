@@ -8,7 +8,7 @@ import numpy as np
 
 from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Tissue, Values
 from analysis.simulation.cells import CellTrial
-from analysis.simulation.response import spectrum_force
+from analysis.simulation.response import arms_force
 
 
 class PowerLawRelaxation(Mechanism):
@@ -37,4 +37,4 @@ class PowerLawRelaxation(Mechanism):
         taus = np.geomspace(5e-5, 1e4, 26)
         step = float(np.log(taus[1] / taus[0]))
         weights = p["coefficient_mn_per_mm"] * taus**-a * step / gamma(a)
-        return spectrum_force(depth_mm, trial.time_s, taus, weights)
+        return arms_force(depth_mm, trial.steps, taus, weights)

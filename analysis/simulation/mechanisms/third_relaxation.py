@@ -6,7 +6,7 @@ import numpy as np
 
 from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Tissue, Values
 from analysis.simulation.cells import CellTrial
-from analysis.relaxation.response import arm_response
+from analysis.simulation.response import arm_force
 
 
 class ThirdRelaxation(Mechanism):
@@ -31,4 +31,4 @@ class ThirdRelaxation(Mechanism):
 
     def tissue_force_mn(self, trial: CellTrial, depth_mm: FloatArray, tissue: Tissue, p: Values) -> FloatArray:
         """Force of the third arm."""
-        return p["ratio_to_k0"] * tissue.k0 * arm_response(depth_mm, trial.time_s, p["time_constant_s"])
+        return p["ratio_to_k0"] * tissue.k0 * arm_force(depth_mm, trial.steps, p["time_constant_s"])

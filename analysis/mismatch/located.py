@@ -1,0 +1,272 @@
+"""Where simulation and recordings differ: significant bins of the residual, merged into windows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.mismatch.joint import JointFit
+from analysis.mismatch.position_channel import PositionFinding
+from analysis.mismatch.profiles import BIN_NAMES, OUTSIDE, Profiles, profile, repeatable_energy
+from analysis.mismatch.report import Window
+from analysis.mismatch.search import LEVEL, Problem
+from analysis.recordings.trial import PHASE_NAMES
+from analysis.simulation.cells import CellTrial
+
+FloatArray = NDArray[np.float64]
+
+MOST_WINDOWS = 10
+SMALLEST_SHARE = 0.01
+EFFECT_SHARE = 0.03
+EFFECT_LEVEL = 0.1
+LARGER = 1.5
+CLEAR = 4.0
+
+
+@dataclass(frozen=True)
+class Residual:
+    """A fit's residual by bin: profiles, and the energy (B,) that repeats, in units of white-noise chi2."""
+
+    profiles: Profiles
+    energy: FloatArray
+    white_mn: float
+
+    @property
+    def total(self) -> float:
+        """Repeatable energy over all bins; what noise scatters about zero averages out."""
+        return max(float(self.energy.sum()), 0.0)
+
+
+def residual_of(problem: Problem, fit: JointFit) -> Residual:
+    """Return the residual of a fit by bin."""
+    found = profile(problem.trials, problem.residuals(fit), [o.z0_mm for o in fit.own])
+    energy = repeatable_energy(found.standardised(problem.white_mn), found.conditions)[:OUTSIDE]
+    return Residual(found, energy, problem.white_mn)
+
+
+def force_windows(
+    trials: Sequence[CellTrial], residual: Residual, bin_p: FloatArray, total: float, *, all_of_them: bool = False
+) -> tuple[Window, ...]:
+    """Return the windows of significant force residual, largest first.
+
+    ``bin_p`` (2, B): p-values of the bins, plain and with depth; ``total`` the energy that shares refer to.
+    Windows of less than a hundredth are left out (but for the largest), unless ``all_of_them``.
+    """
+    found = []
+    for bins in _merged(np.min(bin_p, axis=0) <= LEVEL, residual.profiles.count.sum(axis=0)[:OUTSIDE] > 0):
+        energy = max(float(residual.energy[bins].sum()), 0.0)
+        samples = float(residual.profiles.count[:, bins].sum())
+        mean = float((residual.profiles.mean * residual.profiles.count)[:, bins].sum()) / samples
+        start, stop = _times(residual.profiles, bins)
+        found.append(
+            Window(
+                signal="force",
+                phase=BIN_NAMES[bins[0]][0],
+                start_s=start,
+                stop_s=stop,
+                mean_residual_mn=mean,
+                p_value=float(bin_p[:, bins].min()),
+                share_of_mismatch=min(1.0, energy / max(total, 1e-12)),
+                conditions=conditions_in_words(trials, residual, bins, bool(bin_p[1, bins].min() <= LEVEL)),
+                rms_mn=float(np.sqrt(energy * residual.white_mn**2 / samples)),
+            )
+        )
+    found.sort(key=lambda w: -w.share_of_mismatch)
+    if all_of_them:
+        return tuple(found)
+    kept = [w for w in found if w.share_of_mismatch >= SMALLEST_SHARE] or found[:1]
+    return tuple(kept[:MOST_WINDOWS])
+
+
+def _merged(significant: NDArray[np.bool_], present: NDArray[np.bool_]) -> list[list[int]]:
+    """Join significant bins of one phase that are neighbours, or have a single bin between them."""
+    groups: list[list[int]] = []
+    for b in np.flatnonzero(significant & present):
+        near = groups and BIN_NAMES[groups[-1][-1]][0] == BIN_NAMES[b][0] and b - groups[-1][-1] <= 2
+        if near:
+            groups[-1].append(int(b))
+        else:
+            groups.append([int(b)])
+    return [[b for b in range(g[0], g[-1] + 1) if present[b]] for g in groups]
+
+
+def _times(profiles: Profiles, bins: Sequence[int]) -> tuple[float, float]:
+    start, stop = profiles.start_s[:, bins], profiles.stop_s[:, bins]
+    here = ~np.all(np.isnan(start), axis=1)
+    return (
+        float(np.median(np.nanmin(start[here], axis=1))),
+        float(np.median(np.nanmax(stop[here], axis=1))),
+    )
+
+
+def conditions_in_words(
+    trials: Sequence[CellTrial], residual: Residual, bins: Sequence[int], with_depth: bool
+) -> str:
+    """Say under which conditions a window differs: every depth, growing with it, later trials, one kind only."""
+    counts = residual.profiles.count[:, bins].sum(axis=1)
+    use = counts > 0
+    mean = (residual.profiles.mean * residual.profiles.count)[:, bins].sum(axis=1)[use] / counts[use]
+    se = residual.white_mn / np.sqrt(counts[use])
+    chosen = [t for t, u in zip(trials, use, strict=True) if u]
+    kinds = {t.kind for t in trials}
+    only = f" ({chosen[0].kind.replace('_', ' ')} only)" if len({t.kind for t in chosen}) < len(kinds) else ""
+    groups: dict[str, list[int]] = {}
+    for j, t in enumerate(chosen):
+        groups.setdefault(t.condition, []).append(j)
+    if len(groups) < 2:
+        return "every trial" + only + _order_words(chosen, mean)
+    names, measures, unit = _what_varies(chosen, groups)
+    means = np.array([np.average(mean[groups[g]], weights=se[groups[g]] ** -2) for g in names])
+    errors = np.array([np.sum(se[groups[g]] ** -2) ** -0.5 for g in names])
+    clear = np.abs(means) > CLEAR * errors
+    what = "depth" if unit == "mm" else "speed" if unit == "mm/s" else "condition"
+    order = _order_words(chosen, mean)
+    if not unit:
+        return ("every condition" if clear.all() else "some conditions only") + only + order
+    signs = {float(np.sign(m)) for m in means[clear]}
+    ends = f" ({means[0]:+.2g} mN at {measures[0]:.2g} {unit}, {means[-1]:+.2g} mN at {measures[-1]:.2g} {unit})"
+    if len(signs) == 2:
+        return f"changes sign with {what}{ends}{only}{order}"
+    if with_depth and clear[-1] and abs(means[-1]) > LARGER * abs(means[0]):
+        return f"grows with {what}{ends}{only}{order}"
+    if with_depth and clear[0] and abs(means[0]) > LARGER * abs(means[-1]):
+        return f"shrinks with {what}{ends}{only}{order}"
+    if not clear.all() and clear.any():
+        at = ", ".join(f"{m:.2g}" for m, c in zip(measures, clear, strict=True) if c)
+        return f"clear at {at} {unit}{only}{order}"
+    return f"every {what}{only}{order}"
+
+
+def _what_varies(
+    trials: Sequence[CellTrial], groups: dict[str, list[int]]
+) -> tuple[list[str], FloatArray, str]:
+    """Return the conditions in order of what varies between them, its values and unit ("" if several things do)."""
+    depth = {g: float(np.median([trials[j].depth_mm for j in members])) for g, members in groups.items()}
+    speed = {g: float(np.median([_speed(trials[j]) for j in members])) for g, members in groups.items()}
+    sweep = all(t.kind == "air_sweep" for t in trials)
+    if not sweep and max(depth.values()) > 1.2 * max(min(depth.values()), 1e-6):
+        measure, unit = depth, "mm"
+    elif max(speed.values()) > 1.2 * max(min(speed.values()), 1e-6):
+        measure, unit = speed, "mm/s"
+    else:
+        return list(groups), np.arange(float(len(groups))), ""
+    names = sorted(groups, key=lambda g: measure[g])
+    return names, np.array([measure[g] for g in names]), unit
+
+
+def _speed(trial: CellTrial) -> float:
+    moving = trial.in_phase("ramp") | trial.in_phase("sweep")
+    return float(np.median(np.abs(trial.velocity_mm_s[moving]))) if moving.any() else 0.0
+
+
+def _order_words(trials: Sequence[CellTrial], mean: FloatArray) -> str:
+    """Say that a residual follows the order of the trials, where it does beyond doubt."""
+    if len(mean) < 8:
+        return ""
+    order = np.argsort(np.argsort([t.order for t in trials])).astype(float)
+    depth = np.array([t.depth_mm for t in trials])
+    columns = [np.ones_like(order), order - order.mean()]
+    if np.ptp(depth) > 0.01:
+        columns.append(depth - depth.mean())
+    A = np.column_stack(columns)
+    beta, *_ = np.linalg.lstsq(A, mean, rcond=None)
+    left = mean - A @ beta
+    spread = float(left @ left) / max(len(mean) - A.shape[1], 1)
+    se = np.sqrt(spread * np.linalg.pinv(A.T @ A)[1, 1])
+    if abs(beta[1]) > 6.0 * se and abs(beta[1]) * len(mean) > abs(float(np.mean(mean))):
+        return f"; changes by {beta[1]:+.2g} mN from trial to trial"
+    return ""
+
+
+def effect_windows(
+    problem: Problem,
+    fit: JointFit,
+    effects: Sequence[FloatArray],
+    p_value: float,
+    total: float,
+    words: str,
+    share: float = EFFECT_SHARE,
+) -> tuple[Window, ...]:
+    """Return the phases in which an effect (n_j,) mN of each trial has its energy, largest first.
+
+    For effects whose residual has no mean over trials. ``total`` is the energy that shares refer to; phases with
+    less than ``share`` of the effect's own energy are left out.
+    """
+    energy, samples, total_residual = np.zeros(len(PHASE_NAMES)), np.zeros(len(PHASE_NAMES)), np.zeros(len(PHASE_NAMES))
+    spans: dict[int, list[tuple[float, float]]] = {}
+    for j, (trial, effect) in enumerate(zip(problem.trials, effects, strict=True)):
+        largest = float(np.max(np.abs(effect))) if len(effect) else 0.0
+        if largest == 0.0:
+            continue
+        residual = problem.residual(fit, j)
+        for code in np.unique(trial.phase[trial.fitted]):
+            if code < 0:
+                continue
+            shown = (trial.phase == code) & trial.fitted & (np.abs(effect) > EFFECT_LEVEL * largest)
+            if not shown.any():
+                continue
+            a, b = np.flatnonzero(shown)[[0, -1]]
+            span = slice(a, b + 1)
+            weight = trial.counts[span]
+            energy[code] += float(weight @ effect[span] ** 2)
+            total_residual[code] += float(weight @ residual[span])
+            samples[code] += float(weight.sum())
+            half = 0.5 * trial.counts / trial.sample_rate_hz
+            spans.setdefault(int(code), []).append(
+                (float(trial.time_s[a] - half[a]), float(trial.time_s[b] + half[b]))
+            )
+    if energy.sum() <= 0:
+        return ()
+    found = []
+    for code, times in spans.items():
+        if energy[code] < share * energy.sum():
+            continue
+        found.append(
+            Window(
+                signal="force",
+                phase=PHASE_NAMES[code],
+                start_s=float(np.median([t[0] for t in times])),
+                stop_s=float(np.median([t[1] for t in times])),
+                mean_residual_mn=float(total_residual[code] / samples[code]),
+                p_value=p_value,
+                share_of_mismatch=min(1.0, float(energy[code]) / problem.white_mn**2 / max(total, 1e-12)),
+                conditions=words,
+                rms_mn=float(np.sqrt(energy[code] / samples[code])),
+            )
+        )
+    return tuple(sorted(found, key=lambda w: -w.share_of_mismatch))
+
+
+def position_windows(trials: Sequence[CellTrial], finding: PositionFinding, bins: NDArray[np.int64]) -> tuple[Window, ...]:
+    """Return the windows of the position channel that lie in ``bins``, largest first."""
+    used = [replace(t, fitted=np.ones(len(t.time_s), dtype=bool)) for t in trials if t.has_command]
+    if not used or not len(bins):
+        return ()
+    laid = profile(used, [t.servo_residual_mm for t in used], [t.z0_start_mm for t in used])
+    counts = laid.count.sum(axis=0)[:OUTSIDE]
+    energy = finding.profile_mm**2 * counts
+    mask = np.zeros(OUTSIDE, dtype=bool)
+    mask[bins] = True
+    found = []
+    for group in _merged(mask, counts > 0):
+        start, stop = _times(laid, group)
+        mean_mm = float(finding.profile_mm[group] @ counts[group] / counts[group].sum())
+        found.append(
+            Window(
+                signal="position",
+                phase=BIN_NAMES[group[0]][0],
+                start_s=start,
+                stop_s=stop,
+                mean_residual_mn=None,
+                p_value=float(finding.bin_p[group].min()),
+                share_of_mismatch=float(energy[group].sum() / max(energy.sum(), 1e-30)),
+                conditions="every trial",
+                mean_residual_um=1e3 * mean_mm,
+            )
+        )
+    return tuple(sorted(found, key=lambda w: -w.share_of_mismatch))[:MOST_WINDOWS]
+
+

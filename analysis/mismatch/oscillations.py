@@ -117,7 +117,7 @@ def surface_addition(mechanism: Mechanism, frequencies_hz: dict[str, float], har
         if f is None or trial.kind in ("air_sweep", "rigid_target"):
             return np.zeros((len(trial.time_s), 0))
         rows = []
-        hats = hat_functions(trial, own, knot_s)
+        hats = hat_functions(trial, knot_s)
         for h in range(1, harmonics + 1):
             phase = 2 * np.pi * h * f * trial.time_s
             rows += [wave * hat for hat in hats for wave in (np.cos(phase), np.sin(phase))]
@@ -127,10 +127,11 @@ def surface_addition(mechanism: Mechanism, frequencies_hz: dict[str, float], har
     return Addition(mechanism, {"amplitude_um": 0.0, "frequency_hz": median}, latent)
 
 
-def hat_functions(trial: CellTrial, own: PerTrial, knot_s: float) -> FloatArray:
+def hat_functions(trial: CellTrial, knot_s: float) -> FloatArray:
     """Return hat functions (m, n) that add up to one over the time in contact, knots ``knot_s`` apart."""
     t = trial.time_s
-    touching = t[trial.position_mm > own.z0_mm]
+    # by the first contact point: the number of knots must not change while a fit moves its own
+    touching = t[trial.position_mm > trial.z0_start_mm]
     if not touching.size or not np.isfinite(knot_s):
         return np.ones((1, len(t)))
     first, last = float(touching[0]), float(touching[-1])

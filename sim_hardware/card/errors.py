@@ -82,7 +82,7 @@ class CardError(Exception):
     """A call the card refuses or can't complete.
 
     code: the driver's status; n_read, n_written: samples a channel that still got through, where that means
-    something; detail: what in particular.
+    something; detail: what in particular. The text is laid out as the driver lays out its own.
     """
 
     def __init__(
@@ -92,4 +92,4 @@ class CardError(Exception):
         self.n_read = n_read
         self.n_written = n_written
         message = MESSAGES.get(self.code, "Unspecified error.")
-        super().__init__(f"{message} {detail}".strip() + f" Status Code: {self.code}")
+        super().__init__("\n\n".join(filter(None, [message, detail, f"Status Code: {self.code}"])))

@@ -529,3 +529,14 @@ def test_task_control_moves_a_task_through_its_states(virtual):
     other.start()
     other.control(TaskMode.TASK_ABORT)
     task.start()
+
+
+def test_errors_read_as_the_drivers(virtual):
+    task = virtual.client.input()
+    task.start()
+    with pytest.raises(DaqError) as refused:
+        task.start()
+    first, *_, last = str(refused.value).splitlines()
+    assert first == "Specified operation cannot be performed while the task is running."
+    assert last == "Status Code: -200479"
+    assert task._interpreter.get_error_string(-200279).startswith("The application is not able to keep up")

@@ -5,17 +5,19 @@ Everything a trial file needs comes back in memory; nothing is written.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
+from sim_hardware.found import FoundCalibration, found_calibration, true_calibration
 from sim_hardware.parts import SAMPLE_RATE_HZ, FloatArray
+from sim_hardware.plans import TrialPlan, rigid_plan, study_plans
 from sim_hardware.settings import BenchSettings
 from sim_hardware.world import Readings, World
 
-Kind = Literal["ramp_hold_retract", "rigid_target", "air_sweep"]
+__all__ = ["RecordedTrial", "TrialPlan", "record_study", "record_trial", "rigid_plan", "study_plans"]
 
 _PARK_MM = 1.0
 _FAST_MM_S = 20.0
@@ -24,73 +26,6 @@ _READ = 16
 """Samples read at a time during the approach."""
 _WINDOW, _ENOUGH = 5, 3
 """So many of so many samples above the threshold are a surface."""
-
-
-@dataclass(frozen=True, slots=True)
-class TrialPlan:
-    """What one trial does; defaults are the published ones.
-
-    ``short_mm``: how far short of the surface the trial begins. ``rest_s``: time before it, the arm parked.
-    ``surface_mm`` asks the hands for a finger at that height (None: as it comes).
-    ``sweep_mm`` and ``ramp_speed_mm_s`` are the span and speed of an air sweep. ``depth_mm`` counts from
-    the detected surface.
-    """
-
-    kind: Kind = "ramp_hold_retract"
-    finger: str = "index"
-    site: str = ""
-    repeat: int = 1
-    surface_mm: float | None = None
-    depth_mm: float = 0.6
-    ramp_speed_mm_s: float = 5.0
-    hold_s: float = 7.0
-    dwell_s: float = 2.0
-    approach_speed_mm_s: float = 1.0
-    retract_speed_mm_s: float = 5.0
-    contact_threshold_mn: float = 10.0
-    short_mm: float = 0.5
-    clear_s: float = 0.4
-    rest_s: float = 150.0
-    latency_s: tuple[float, float] = (0.004, 0.009)
-    sweep_mm: tuple[float, float] = (2.0, 8.0)
-
-
-def rigid_plan(**changes: float | int | str) -> TrialPlan:
-    """Return a plan for the stiff block: slower and shallower, so that its force stays within the range."""
-    plan = TrialPlan(
-        kind="rigid_target", depth_mm=0.012, ramp_speed_mm_s=0.5, approach_speed_mm_s=0.2, hold_s=3.0
-    )
-    return replace(plan, **changes)  # type: ignore[arg-type]
-
-
-def study_plans(
-    fingers: Sequence[str] = ("index",),
-    depths_mm: Sequence[float] = (0.2, 0.4, 0.6, 0.8),
-    repeats: int = 5,
-    **changes: float,
-) -> list[TrialPlan]:
-    """Return the plans of a study: every finger at every depth, each repeat at a site of its own."""
-    plans = []
-    for finger in fingers:
-        for i, depth_mm in enumerate(depths_mm):
-            for repeat in range(1, repeats + 1):
-                site = f"s{i * repeats + repeat}"
-                plan = TrialPlan(finger=finger, site=site, repeat=repeat, depth_mm=depth_mm)
-                plans.append(replace(plan, **changes))  # type: ignore[arg-type]
-    return plans
-
-
-@dataclass(frozen=True, slots=True)
-class FoundCalibration:
-    """Constants as a calibration of this bench gave them, with their standard errors."""
-
-    volts_per_mm: float
-    position_zero_v: float
-    volts_per_mn: float
-    force_zero_v: float
-    command_volts_per_mm: float
-    command_zero_v: float
-    standard_errors: Mapping[str, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -228,36 +163,6 @@ def record_study(
     world = World(settings)
     constants = true_calibration(world) if calibration == "true" else found_calibration(world)
     return [record_trial(world, plan, calibration=constants, first=i == 0) for i, plan in enumerate(plans)]
-
-
-def true_calibration(world: World) -> FoundCalibration:
-    """Return the bench's true constants."""
-    c = world.constants
-    return FoundCalibration(
-        c.volts_per_mm,
-        c.position_zero_v,
-        c.volts_per_mn,
-        c.force_zero_v,
-        c.command_volts_per_mm,
-        c.command_zero_v,
-        {},
-    )
-
-
-def found_calibration(world: World) -> FoundCalibration:
-    """Return constants with the errors of a good calibration, drawn from the bench's seed."""
-    random = np.random.default_rng([world.settings.seed, 7])
-    c = world.constants
-    errors = {
-        "volts_per_mm": 1e-4 * c.volts_per_mm,
-        "position_zero_v": 1e-3,
-        "volts_per_mn": 1e-3 * c.volts_per_mn,
-        "force_zero_v": 2e-3,
-        "command_volts_per_mm": 1e-4 * c.command_volts_per_mm,
-        "command_zero_v": 1e-3,
-    }
-    values = {k: float(getattr(c, k) + e * random.standard_normal()) for k, e in errors.items()}
-    return FoundCalibration(**values, standard_errors=errors)
 
 
 def _place(world: World, plan: TrialPlan) -> None:

@@ -1,7 +1,7 @@
 """Trials of the simulated bench as the analysis knows them; the one place where both rooms meet.
 
-In a test take the fixtures ``bench_trials`` and ``as_trial`` of conftest.py; in a script put the project's root
-and then ``tests`` on the path, in that order, and import this.
+In a test take the fixtures ``bench_trials`` and ``as_trial`` of conftest.py; in a script put the project's
+root and then ``tests`` on the path, in that order, and import this.
 """
 
 from __future__ import annotations

@@ -28,6 +28,6 @@ class GlueCreep(Effect):
         """Put the glue in."""
         return replace(
             parts,
-            creep_compliance_mm_per_mn=self["creep_um_per_mn"] * 1e-3,
+            creep_compliance_mm_per_mn=parts.creep_compliance_mm_per_mn + self["creep_um_per_mn"] * 1e-3,
             creep_time_s=self["time_constant_s"],
         )

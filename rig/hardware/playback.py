@@ -87,7 +87,7 @@ class Playback:
 
     @property
     def expected_sample(self) -> int:
-        """The recording's sample at which the first sample is expected: right after the start was ordered."""
+        """The recording's sample at which the first sample is expected: while the start was ordered."""
         return self._expected
 
     @property

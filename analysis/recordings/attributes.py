@@ -31,12 +31,13 @@ def optional_attributes(path: Path, file: Any, name: str) -> dict[str, Any]:
 
 def attributes_in(path: Path, group: Any, name: str) -> dict[str, Any]:
     """Return the declared attributes of a group, checked, defaults filled in."""
-    present = set(group.attrs)
+    stored = group.attrs
+    present = set(stored)
     values: dict[str, Any] = {}
     for attribute in attributes_of(name):
         if attribute.name in present:
             with access(path, attribute.where):
-                raw = group.attrs[attribute.name]
+                raw = stored[attribute.name]
             values[attribute.name] = _checked(path, attribute, raw)
         elif attribute.required:
             raise bad_input(path, attribute.where, "is missing", f"it must say: {attribute.meaning}")

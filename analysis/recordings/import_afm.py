@@ -40,7 +40,7 @@ def read_afm(path: Path, kind: Kind) -> list[Draft]:
             f"{path}: files ending in {path.suffix or 'nothing'} are not known: "
             f"import takes .ddf, .csv, {', '.join(endings)}"
         )
-    own_errors = (AFMFileFormatError, MissingMetaDataError)  # no Exceptions, but BaseExceptions
+    own_errors = (Exception, AFMFileFormatError, MissingMetaDataError)  # the last two are BaseExceptions
     drafts = [_draft(path, curve, kind) for curve in _curves(path, afmformats.load_data, own_errors)]
     if not drafts:
         raise BadInputError(f"{path}: holds no force curve: check the export")
@@ -59,7 +59,7 @@ def _curves(
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             return list(load(path))
-    except (Exception, *own_errors) as error:  # its parsers of a dozen formats raise what they meet
+    except own_errors as error:  # its parsers of a dozen formats raise what they meet
         reason = " ".join(f"{type(error).__name__} {error}".split())[:160]
         raise BadInputError(f"{path}: can't be read as an AFM file ({reason}): check the export") from error
     finally:

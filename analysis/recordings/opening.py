@@ -12,8 +12,8 @@ import h5py
 
 from analysis.errors import BadInputError
 
-# what h5py raises on a damaged file; UnicodeDecodeError is a ValueError
-_HDF5_ERRORS = (OSError, KeyError, RuntimeError, ValueError, TypeError, OverflowError, MemoryError)
+HDF5_ERRORS = (OSError, KeyError, RuntimeError, ValueError, TypeError, OverflowError, MemoryError)
+"""What h5py raises on a damaged file; UnicodeDecodeError is a ValueError."""
 
 
 @contextmanager
@@ -21,7 +21,7 @@ def open_file(path: Path) -> Iterator[Any]:
     """Open an HDF5 file for reading; BadInputError says what is wrong with one that can't be."""
     try:
         file = h5py.File(path, "r", locking="best-effort")
-    except _HDF5_ERRORS as error:
+    except HDF5_ERRORS as error:
         raise BadInputError(_why_not_opened(path, error)) from error
     with file:
         yield file
@@ -50,7 +50,7 @@ def _why_not_opened(path: Path, error: BaseException) -> str:
     if "truncated file" in text:
         sizes = re.search(r"eof = (\d+).*stored_eof = (\d+)", text)
         size = f" after {sizes[1]} of {sizes[2]} bytes" if sizes else ""
-        return f"{path}: is cut short{size}: copy it again, or try `indenter rescue` on a copy"
+        return f"{path}: is cut short{size}: copy it again, or bring back what is there by `indenter rescue`"
     if "signature not found" in text:
         return f"{path}: is not an HDF5 file: text and .ddf recordings are brought in by `indenter import`"
     return f"{path}: can't be opened as HDF5 ({text}): the file is damaged, copy it again"
@@ -68,7 +68,7 @@ def access(path: Path, where: str) -> Iterator[None]:
         yield
     except BadInputError:
         raise
-    except _HDF5_ERRORS as error:
+    except HDF5_ERRORS as error:
         raise BadInputError(
             f"{path}: {where} can't be read ({_one_line(error)}): the file is damaged, copy it again"
         ) from error

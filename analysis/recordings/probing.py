@@ -13,7 +13,7 @@ import os
 import subprocess
 import sys
 import threading
-from functools import lru_cache
+from functools import cache
 from pathlib import Path
 
 from analysis.errors import BadInputError
@@ -30,13 +30,13 @@ class Probe:
         self._lock = threading.Lock()
         self._child: subprocess.Popen[str] | None = None
 
-    def check(self, path: Path) -> None:
+    def check(self, path: Path, *, cut: bool = False) -> None:
         """Raise BadInputError where the file can't be read, whatever that does to the reading process."""
         with self._lock:
             child = self._child or self._start()
             self._child = None  # kept only if it lives through this file
             time_s = _READ_S + _READ_S_PER_BYTE * path.stat().st_size
-            answer = _asked(child, json.dumps(str(path)), time_s)
+            answer = _asked(child, json.dumps([str(path), cut]), time_s)
             if answer is None:
                 raise BadInputError(
                     f"{path}: the HDF5 library crashes or hangs on it: the file is damaged, copy it again"
@@ -61,15 +61,15 @@ class Probe:
         return child
 
 
-@lru_cache(maxsize=1)
+@cache
 def _probe_of(process_id: int) -> Probe:
     """One probe a process; a forked child must not talk through its parent's pipes."""
     return Probe()
 
 
-def probe(path: Path) -> None:
+def probe(path: Path, *, cut: bool = False) -> None:
     """Raise BadInputError where an unsealed file can't be read, even where reading it would crash."""
-    _probe_of(os.getpid()).check(path)
+    _probe_of(os.getpid()).check(path, cut=cut)
 
 
 def _asked(child: subprocess.Popen[str], question: str, time_s: float) -> str | None:
@@ -108,11 +108,12 @@ def _serve() -> None:
     from analysis.recordings.reading import read_unchecked
 
     for line in sys.stdin:
-        path = json.loads(line)
+        question = json.loads(line)
         problem = ""
-        if path is not None:
+        if question is not None:
+            path, cut = question
             try:
-                read_unchecked(Path(path))
+                read_unchecked(Path(path), cut=cut)
             except BadInputError as error:
                 problem = str(error)
         sys.stdout.write(json.dumps(problem) + "\n")

@@ -48,14 +48,17 @@ def read_trial(path: Path) -> Trial:
     return read_unchecked(path)
 
 
-def read_unchecked(path: Path) -> Trial:
-    """Read a trial file that the HDF5 library is known to survive."""
+def read_unchecked(path: Path, *, cut: bool = False) -> Trial:
+    """Read a trial file that the HDF5 library is known to survive.
+
+    `cut` says that the file lacks its end, whatever its status: NaN at the end of a signal is left away.
+    """
     with open_file(path) as file:
         with access(path, "the file's structure"):
             root = attributes_in(path, file, "/")
             signals = group_of(path, file, "signals")
             rate = attributes_in(path, signals, "/signals")["sample_rate_hz"]
-        running = root["status"] == "running"
+        running = cut or root["status"] == "running"
         position_v, force_v, command_v = _signals(path, signals, running=running)
         n_samples = len(position_v)
         return Trial(

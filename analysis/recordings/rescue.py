@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -11,12 +12,14 @@ from typing import Literal
 import numpy as np
 
 from analysis.errors import BadInputError
+from analysis.recordings.cut_files import bytes_missing, read_cut_file
 from analysis.recordings.folders import find_trials
 from analysis.recordings.locking import is_locked
 from analysis.recordings.motion import SMEAR_S, Stretch, moves_and_rests, phases_from_motion
+from analysis.recordings.opening import HDF5_ERRORS
 from analysis.recordings.reading import read_trial
 from analysis.recordings.trial import Phase, Trial
-from analysis.recordings.writing import SOFTWARE, replace_trial, software_version
+from analysis.recordings.writing import SOFTWARE, replace_trial, software_version, write_trial
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +44,8 @@ def _rescue(path: Path) -> RescueOutcome:
     try:
         if is_locked(path):
             return RescueOutcome(path, "is being written by another process: left alone", "left alone")
+        if path.is_file() and bytes_missing(path):
+            return _bring_back_cut_file(path)
         trial = read_trial(path)
         if trial.status != "running":
             return RescueOutcome(path, f"is whole (status {trial.status}): left alone", "left alone")
@@ -48,16 +53,29 @@ def _rescue(path: Path) -> RescueOutcome:
         replace_trial(path, recovered)
     except BadInputError as error:
         return RescueOutcome(path, str(error).removeprefix(f"{path}: "), "unreadable")
-    except OSError as error:
-        reason = error.strerror or str(error)
-        return RescueOutcome(path, f"can't be rescued ({reason}): check permissions and space", "unreadable")
-    seconds = recovered.n_samples / recovered.sample_rate_hz
-    named = ", ".join(phase.name for phase in recovered.phases) or "none"
-    return RescueOutcome(
-        path,
-        f"recovered: {recovered.n_samples} samples ({seconds:.3f} s), phases {named}",
-        "recovered",
-    )
+    except HDF5_ERRORS as error:
+        reason = " ".join(str(error).split())[:200] or type(error).__name__
+        return RescueOutcome(path, f"can't be rescued ({reason}): left as it is", "unreadable")
+    return _recovered(path, recovered)
+
+
+def _bring_back_cut_file(path: Path) -> RescueOutcome:
+    """Write what a file that lost its end still holds in its place, and keep it as it was beside."""
+    kept = path.with_name(f"{path.name}.cut")
+    if kept.exists():
+        raise BadInputError(f"{path}: {kept.name} stands beside it already: move it away first")
+    recovered = recovered_trial(read_cut_file(path))
+    shutil.copy2(path, kept)
+    write_trial(path, recovered)
+    outcome = _recovered(path, recovered)
+    return replace(outcome, action=f"{outcome.action}; the file had lost its end, it is kept as {kept.name}")
+
+
+def _recovered(path: Path, trial: Trial) -> RescueOutcome:
+    seconds = trial.n_samples / trial.sample_rate_hz
+    named = ", ".join(phase.name for phase in trial.phases) or "none"
+    action = f"recovered: {trial.n_samples} samples ({seconds:.3f} s), phases {named}"
+    return RescueOutcome(path, action, "recovered")
 
 
 def recovered_trial(trial: Trial) -> Trial:

@@ -367,7 +367,7 @@ def test_an_afm_relaxation(shared, tmp_path):
     assert force_nn[hold][0] > 200  # about 207 nN, relaxing towards 0 within 30 s
     assert abs(force_nn[hold][-1]) < 5
     assert np.median(position_um[hold]) == pytest.approx(20.0, abs=0.05)
-    assert np.ptp(position_um[hold]) < 0.01
+    assert np.ptp(position_um[hold]) < 0.05
     assert trial.protocol.ramp_speed_mm_s == pytest.approx(0.02)
     assert trial.started.startswith("2018-11-22T11:55:14")
 

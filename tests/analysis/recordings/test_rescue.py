@@ -141,6 +141,30 @@ def test_what_the_layout_does_not_know_is_kept(tmp_path, foreign_file):
         assert file["signals"].attrs["gain"] == 2.0
 
 
+def test_a_file_that_lost_its_end_keeps_what_it_has(tmp_path, a_trial):
+    whole = a_trial(20_000, phases=(Phase("approach", 0, 900), Phase("hold", 900, 20_000)))
+    path = tmp_path / "t.h5"
+    write_trial(path, whole)
+    contents = path.read_bytes()[:-50_000]
+    path.write_bytes(contents)
+    with pytest.raises(BadInputError, match=r"cut short after .*`indenter rescue`"):
+        read_trial(path)
+    (outcome,) = rescue_paths([path])
+    assert outcome.result == "recovered"
+    assert (tmp_path / "t.h5.cut").read_bytes() == contents
+    trial = read_trial(path)
+    n = trial.n_samples
+    assert 13_000 < n < 20_000  # 50 kB are 6250 samples of the last channel
+    np.testing.assert_array_equal(trial.command_v, whole.command_v[:n])
+    np.testing.assert_array_equal(trial.position_v, whole.position_v[:n])
+    assert trial.phases == (Phase("approach", 0, 900), Phase("hold", 900, n))
+    assert trial.status == "recovered"
+    path.write_bytes(contents[:3000])
+    (outcome,) = rescue_paths([path])
+    assert outcome.result == "unreadable"
+    assert path.read_bytes() == contents[:3000]
+
+
 WRITER = """
 import sys, time
 from pathlib import Path

@@ -2,8 +2,7 @@
 
 The covariance of a least-squares estimate is the variance of a weighted sum of the noise. The noise's
 spectrum is measured on the residual: an autoregression whose order the Bayesian criterion chooses,
-fitted to means over short cells; where means over sixteen cells vary more than that spectrum says, a
-second one at their scale corrects its slow end.
+fitted to means over XX
 """
 
 from __future__ import annotations
@@ -14,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.recordings.trial import FloatArray
+from analysis.relaxation.motion import sample_noise
 
 MOST_CELLS = 4000
 _SLOW = 16  # cells in a slow cell
 _MOST_ORDER = 25
 _MOST_SLOW_ORDER = 6
-_SLOW_SIGMAS = 3.0
 _RESTORING_ROUNDS = 3
 
 
@@ -73,10 +72,10 @@ def measure_noise(residual: FloatArray, jacobian: FloatArray, edges: NDArray[np.
     slow_se = float(np.sqrt(2.0 / (len(slow) - n_parameters)))
     white = float(np.var(residual)) / (cell * _SLOW)
     known = replace(none, slow_ratio=slow_variance / max(white, 1e-300), slow_ratio_se=slow_se)
-    if slow_variance <= _variance_of_slow_means(known) * (1.0 + _SLOW_SIGMAS * slow_se):
-        return known
     swallowed = _cell_sums(jacobian, edges, cell * _SLOW)[:, : len(slow)]
     slow_coefficients, slow_innovation = _restored_autoregression(slow, swallowed)
+    if not len(slow_coefficients):
+        return known
     return replace(
         known,
         slow_coefficients=slow_coefficients,
@@ -85,12 +84,17 @@ def measure_noise(residual: FloatArray, jacobian: FloatArray, edges: NDArray[np.
     )
 
 
-def _variance_of_slow_means(noise: NoiseSpectrum) -> float:
-    """Return the variance of means over sixteen cells that the fine spectrum says."""
-    n = 16 * _SLOW
-    frequency: FloatArray = np.fft.rfftfreq(n).astype(np.float64)
-    window = np.square(np.sinc(_SLOW * frequency) / np.sinc(frequency))
-    return float(np.sum(_both_sides(frequency) * noise.power(frequency) * window) / n)
+def neighbouring_noise(residual: FloatArray) -> NoiseSpectrum:
+    """Return white noise as strong as neighbouring slow means of a residual (N,) differ.
+
+    What a wrong law leaves in a residual changes slowly, so that neighbours share it: it does not count
+    as noise here, and can't excuse itself.
+    """
+    cell = max(1, len(residual) // MOST_CELLS)
+    slow = _means(residual, cell * _SLOW)
+    sample = sample_noise(residual) ** 2 / cell
+    power = float(np.mean(np.square(np.diff(slow)))) / 2.0 * _SLOW if len(slow) > 8 else sample
+    return NoiseSpectrum(cell, np.empty(0), max(power, sample), None, 0.0, 0, None, 1.0, np.inf)
 
 
 def _restored_autoregression(slow: FloatArray, swallowed: FloatArray) -> tuple[FloatArray, float]:
@@ -104,18 +108,19 @@ def _restored_autoregression(slow: FloatArray, swallowed: FloatArray) -> tuple[F
     measured = _covariances(slow, most)
     scale = np.sqrt(np.maximum(np.sum(np.square(swallowed), axis=1, keepdims=True), 1e-300))
     q, _ = np.linalg.qr((swallowed / scale).T)
-    covariances = measured * n / max(n - q.shape[1], 1)
+    coefficients, innovation = _autoregression(measured * n / max(n - q.shape[1], 1), n)
+    if not len(coefficients):
+        return coefficients, innovation
     lags = np.arange(n)
     for _ in range(_RESTORING_ROUNDS):
-        coefficients, innovation = _autoregression(covariances, n)
         whole = _covariances_of(coefficients, innovation, n)
         matrix = whole[np.abs(lags[:, None] - lags)]
         carried = matrix @ q
         left = matrix - carried @ q.T - q @ carried.T + q @ (q.T @ carried) @ q.T
         seen = np.array([np.trace(left, lag) / n for lag in range(most + 1)])
         biased = whole[: most + 1] * (n - np.arange(most + 1)) / n
-        covariances = measured + np.maximum(biased - seen, 0.0)
-    return _autoregression(covariances, n)
+        coefficients, innovation = _autoregression(measured + np.maximum(biased - seen, 0.0), n)
+    return coefficients, innovation
 
 
 def _covariances_of(coefficients: FloatArray, innovation: float, n: int) -> FloatArray:

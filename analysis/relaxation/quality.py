@@ -7,14 +7,14 @@ import numpy as np
 from analysis.recordings.trial import FloatArray, Trial
 from analysis.relaxation import signal_checks
 from analysis.relaxation.contact import Contact
-from analysis.relaxation.noise import NoiseSpectrum, estimate_covariance
+from analysis.relaxation.noise import NoiseSpectrum, estimate_covariance, neighbouring_noise
 from analysis.relaxation.ramp_fit import RampSolution, solve_blocks
 from analysis.relaxation.result import Check, TrialFit
 from analysis.relaxation.step_fit import StepSolution, solve_hold
 from analysis.relaxation.windows import CannotFitError, FitWindow
 
 _WINDOW_LIMIT = 1.0  # per cent that t1 may move; real two-term data move by about 0.1
-_WINDOW_SIGMAS = 4.0
+_WINDOW_SIGMAS = 5.0
 _IDENTIFIABLE_LIMIT = 30.0  # per cent of standard error beyond which a time is not known
 _SLOW_LIMIT = 1.5
 _SLOW_SIGMAS = 5.0
@@ -29,7 +29,7 @@ def checks_of_ramp(
     log_errors = errors[n_arms + 2 : 2 * n_arms + 2]
     in_hold = found.residual_mn[window.hold_start :]
     return (
-        _half_window_of_ramp(window, found, float(log_errors[0])),
+        _half_window_of_ramp(window, found),
         *_shared(trial, window, contact, in_hold, noise=found.noise, row=row, offset_mn=found.offset_mn),
         _identifiable(row, window, log_errors),
         _contact_not_seen(window, seen=found.contact_seen),
@@ -44,7 +44,7 @@ def checks_of_step(
     log_errors = np.sqrt(np.maximum(np.diag(found.covariance)[1 + n_terms :], 0.0))
     before = contact.force_before_mn if contact.seen else None
     return (
-        _half_window_of_step(window, found, float(log_errors[0])),
+        _half_window_of_step(window, found),
         *_shared(
             trial, window, contact, found.residual_mn, noise=found.noise, row=row, offset_mn=before or 0.0
         ),
@@ -77,7 +77,7 @@ def _shared(
     )
 
 
-def _half_window_of_ramp(window: FitWindow, found: RampSolution, log_error: float) -> Check:
+def _half_window_of_ramp(window: FitWindow, found: RampSolution) -> Check:
     half = found.blocks.until((window.hold_start + len(window.time_s)) // 2)
     contact = Contact(found.contact_mm, 0, found.offset_mn, seen=found.contact_seen)
     try:
@@ -86,28 +86,32 @@ def _half_window_of_ramp(window: FitWindow, found: RampSolution, log_error: floa
         return _window_check(np.nan, np.inf)
     n_arms = len(found.times_s)
     slowest = int(np.argmax(solution.parameters[:n_arms]))
-    covariance = estimate_covariance(solution.jacobian, half.edges, found.noise)
-    at = n_arms + 2 + slowest
+    noise = neighbouring_noise(found.residual_mn)
+    before = estimate_covariance(solution.jacobian, half.edges, noise)[
+        n_arms + 2 + slowest, n_arms + 2 + slowest
+    ]
+    after = estimate_covariance(found.jacobian, found.blocks.edges, noise)[n_arms + 2, n_arms + 2]
     moved = float(solution.parameters[slowest]) - float(np.log(found.times_s[0]))
-    return _window_check(moved, _difference_error(float(covariance[at, at]), log_error))
+    return _window_check(moved, _difference_error(float(before), float(after)))
 
 
-def _half_window_of_step(window: FitWindow, found: StepSolution, log_error: float) -> Check:
+def _half_window_of_step(window: FitWindow, found: StepSolution) -> Check:
     half = found.blocks.until((len(window.time_s) - window.hold_start) // 2)
     try:
-        solution = solve_hold(half, window, len(found.times_s), found.solution.parameters)
+        solution = solve_hold(half, window, len(found.times_s), found.parameters)
     except CannotFitError:
         return _window_check(np.nan, np.inf)
     slowest = int(np.argmax(solution.parameters))
-    covariance = estimate_covariance(solution.jacobian, half.edges, found.noise)
-    at = 1 + len(found.times_s) + slowest
+    noise, first = neighbouring_noise(found.residual_mn), 1 + len(found.times_s)
+    before = estimate_covariance(solution.jacobian, half.edges, noise)[first + slowest, first + slowest]
+    after = estimate_covariance(found.jacobian, found.blocks.edges, noise)[first, first]
     moved = float(solution.parameters[slowest]) - float(np.log(found.times_s[0]))
-    return _window_check(moved, _difference_error(float(covariance[at, at]), log_error))
+    return _window_check(moved, _difference_error(float(before), float(after)))
 
 
-def _difference_error(half_variance: float, log_error: float) -> float:
+def _difference_error(half_variance: float, variance: float) -> float:
     """Standard error of an estimate's move when data are left away (Hausman): the variances' difference."""
-    return float(np.sqrt(max(half_variance - log_error**2, 0.04 * half_variance, 0.0)))
+    return float(np.sqrt(max(half_variance - variance, 0.04 * half_variance, 0.0)))
 
 
 def _window_check(moved: float, error: float) -> Check:

@@ -43,7 +43,8 @@ class HoldBlocks:
 class StepSolution:
     """A0 and amplitudes A_i (1 + n_terms,) mN; times (n_terms,) s, longest first.
 
-    ``covariance`` is that of (A0, A1.., log t1..); ``residual_mn`` that of the hold.
+    ``covariance`` is that of (A0, A1.., log t1..), ``jacobian`` (P, K) the model's derivatives by them
+    over the blocks; ``parameters`` the search's own log times; ``residual_mn`` that of the hold.
     """
 
     amplitudes_mn: FloatArray
@@ -52,7 +53,8 @@ class StepSolution:
     residual_mn: FloatArray
     noise: NoiseSpectrum
     blocks: HoldBlocks
-    solution: Solution
+    jacobian: FloatArray
+    parameters: FloatArray
 
 
 def fit_step(window: FitWindow, n_terms: int = 2) -> StepSolution:
@@ -69,8 +71,11 @@ def fit_step(window: FitWindow, n_terms: int = 2) -> StepSolution:
     residual_mn = window.force_mn[window.hold_start :] - model_mn
     noise = measure_noise(residual_mn, solution.jacobian, blocks.edges)
     rows = np.concatenate([[0], 1 + order, 1 + n_terms + order])
-    covariance = estimate_covariance(solution.jacobian[rows], blocks.edges, noise)
-    return StepSolution(amplitudes_mn, times_s, covariance, residual_mn, noise, blocks, solution)
+    jacobian = solution.jacobian[rows]
+    covariance = estimate_covariance(jacobian, blocks.edges, noise)
+    return StepSolution(
+        amplitudes_mn, times_s, covariance, residual_mn, noise, blocks, jacobian, solution.parameters
+    )
 
 
 def solve_hold(

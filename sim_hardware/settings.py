@@ -154,7 +154,7 @@ class BenchSettings(_Frozen):
     """All settings of a simulated bench.
 
     ``substeps`` fine steps are integrated between two samples. The arm is at ``initial_command_v`` when the
-    bench is switched on. ``late_start_samples``: by how much the card's first start is late.
+    bench is switched on. ``late_start_samples``: by how many samples the card's outputs start late.
     """
 
     seed: int = Field(default=1, ge=0, lt=2**63)

@@ -12,6 +12,10 @@ import sys
 import threading
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from sim_hardware.settings import BenchSettings
 
 END_OF_SETTINGS = "# end"
 BAD_INPUT = 2
@@ -61,13 +65,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except ValueError as error:
         print(" ".join(str(error).split()), file=sys.stderr)
         return BAD_INPUT
+    return run_bench(settings, from_stdin=config is None)
+
+
+def run_bench(settings: "BenchSettings", *, from_stdin: bool) -> int:
+    """Say where the bench is and let it live as long as it is wanted; the process's exit code."""
     ended = threading.Event()
-    _heed_signals(ended, from_stdin=config is None)
+    _heed_signals(ended, from_stdin=from_stdin)
     from sim_hardware.services import Services
 
     services = Services(settings)
     print(json.dumps(services.addresses), flush=True)
-    if config is None:
+    if from_stdin:
         threading.Thread(target=_end_with_stdin, args=(ended,), daemon=True).start()
     ended.wait()
     services.close()

@@ -106,11 +106,8 @@ class DaqServicer(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ge
     # ---- configuration
 
     def _add_channels(self, request: Any, direction: Direction) -> None:
-        task = self._task(request)
-        if not self.card.present:
-            raise CardError(Code.NO_SUCH_DEVICE, f"Device Specified: {request.physical_channel}.")
         self.card.add_channels(
-            task,
+            self._task(request),
             parse_channels(
                 request.physical_channel,
                 request.name_to_assign_to_channel,

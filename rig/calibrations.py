@@ -25,6 +25,7 @@ class _Measured(BaseModel):
     model_config = ConfigDict(frozen=True, extra="ignore", strict=True, allow_inf_nan=False)
     value: float
     se: float
+    dof: int
 
 
 class CalibrationFile(BaseModel):

@@ -9,16 +9,16 @@ import numpy as np
 from sim_hardware.effects.base import Effect, Parameter
 from sim_hardware.parts import Parts
 
-_PEEL_MM = 0.006
-_RATE_S_PER_MM = 0.004
+_PEEL_MM = 0.0006
+_RATE_S_PER_MM = 0.008
 
 
 class Adhesion(Effect):
     """On the retract F goes below zero before contact is lost.
 
     Shows at the end of the retract, from where the force would reach zero. Rough: the bond does not hold
-    rigidly and snap; it opens and peels from the rim, gripping harder up to an opening of 6 um and then
-    letting go within milliseconds, 2 % harder at 5 mm/s; its strength differs by 4 % from site to site.
+    rigidly and snap; it opens and peels from the rim, gripping harder up to an opening of 0.6 um, and its
+    viscous front lets go within a millisecond; its strength differs by 3 % from site to site.
     """
 
     name = "adhesion"
@@ -32,7 +32,7 @@ class Adhesion(Effect):
         """Make the skin cling."""
         if not skin:
             return parts
-        spread = 0.04 * self.rough * float(np.clip(self.random.standard_normal(), -2, 2))
+        spread = 0.03 * self.rough * float(np.clip(self.random.standard_normal(), -2, 2))
         self.pull_off_mn = self["pull_off_mn"] * (1 + spread)
         return replace(
             parts,

@@ -11,7 +11,7 @@ class ArmInertia(Effect):
     """F gains m x'': what the instrument's inertia cancellation leaves.
 
     Shows for some milliseconds after every change of speed. Rough: the arm is no rigid body; what it
-    passes on rings with its first bending mode (900 Hz, damping ratio 0.3).
+    passes on rings with its first bending mode (2500 Hz, damping ratio 0.4).
     """
 
     name = "arm_inertia"
@@ -24,7 +24,7 @@ class ArmInertia(Effect):
     def sense_fine(self, block: Block, force_mn: FloatArray) -> FloatArray:
         """Add the force of inertia."""
         if self.bending is None:
-            self.bending = Resonance(900.0, 0.3, 1 / (SAMPLE_RATE_HZ * block.substeps))
+            self.bending = Resonance(2500.0, 0.4, 1 / (SAMPLE_RATE_HZ * block.substeps))
         inertia_mn = self["mass_g"] * 1e-3 * block.fine_acceleration_mm_s2
         rung_mn = self.bending(inertia_mn)
         return force_mn + inertia_mn + self.rough * (rung_mn - inertia_mn)

@@ -8,10 +8,10 @@ from numba import njit
 from sim_hardware.effects.base import IN_MOTION, Effect, Parameter
 from sim_hardware.parts import Block, FloatArray
 
-_BRISTLE_MM = 0.002
+_BRISTLE_MM = 0.001
 _STRIBECK_MM_S = 0.5
-_STRIBECK = 0.15
-_DITHER_S = 0.03
+_STRIBECK = 0.08
+_DITHER_S = 0.006
 _STUCK_MM_S = 0.2
 _MOVING_MM_S = 1e-3
 
@@ -34,8 +34,8 @@ def _bristles(velocity: FloatArray, step_s: float, start: float) -> FloatArray:
 class CoulombFriction(Effect):
     """F gains about Fc against the motion, whatever the speed.
 
-    Shows while the arm moves, contact or not. Rough: bristles bend over 2 um before they slide (LuGre),
-    hold 15 % more at creeping speed (Stribeck), and what they hold at rest fades within 30 ms as the servo's
+    Shows while the arm moves, contact or not. Rough: bristles bend over 1 um before they slide (LuGre),
+    hold 8 % more at creeping speed (Stribeck), and what they hold at rest fades within 6 ms as the servo's
     dither shakes it loose.
     """
 

@@ -12,7 +12,7 @@ class LeverCompliance(Effect):
     """The tip lags behind the motor by C F: the arm, its tube and the shaft bend.
 
     Shows wherever there is force, most on a stiff target; feeds back on the force itself. Rough: 3 % of the
-    bending comes late, with 50 ms, as in any glued joint.
+    bending comes late, with 1 ms, as in any glued joint.
     """
 
     name = "lever_compliance"
@@ -31,5 +31,5 @@ class LeverCompliance(Effect):
             parts,
             compliance_mm_per_mn=parts.compliance_mm_per_mn + compliance - late,
             creep_compliance_mm_per_mn=parts.creep_compliance_mm_per_mn + late,
-            creep_time_s=0.05 if late and not parts.creep_compliance_mm_per_mn else parts.creep_time_s,
+            creep_time_s=1e-3 if late and not parts.creep_compliance_mm_per_mn else parts.creep_time_s,
         )

@@ -7,14 +7,14 @@ import numpy as np
 from sim_hardware.effects.base import Effect, Parameter
 from sim_hardware.parts import Block, FloatArray
 
-_MOVE_S = 0.012
+_MOVE_S = 0.003
 
 
 class MotionArtefact(Effect):
     """In some trials the surface shifts once, towards the arm where positive, and stays shifted.
 
-    Shows from the shift to the end of contact, in the trials that have it. The move takes some 50 ms. Rough:
-    its size differs by 30 % from trial to trial and its time by ``scatter_s``, and it springs back by a tenth
+    Shows from the shift to the end of contact, in the trials that have it. The move takes some 15 ms. Rough:
+    its size differs by 30 % from trial to trial and its time by ``scatter_s``, and it springs back by 5 %
     with half a second.
     """
 
@@ -47,5 +47,5 @@ class MotionArtefact(Effect):
         """Return the shift."""
         since = np.where(block.trial_time_s < 0, -np.inf, block.trial_time_s - self.at_s)
         moved = 0.5 * (1 + np.tanh(since / _MOVE_S / 2))
-        back = 0.1 * self.rough * -np.expm1(-np.maximum(since, 0.0) / 0.5)
+        back = 0.05 * self.rough * -np.expm1(-np.maximum(since, 0.0) / 0.5)
         return self.shift_um * 1e-3 * moved * (1 - back)

@@ -12,8 +12,8 @@ from sim_hardware.wander import Wander
 class Respiration(Effect):
     """The surface moves with the breath, its phase not locked to the trial.
 
-    Shows in every contact. Rough: breathing is irregular, its rate varies by 6 % and its depth by 20 %, and
-    breathing in is faster than breathing out (a second harmonic of 20 %).
+    Shows in every contact. Rough: breathing is irregular, its rate varies by 3 % and its depth by 12 %, and
+    breathing in is faster than breathing out (a second harmonic of 15 %).
     """
 
     name = "respiration"
@@ -35,9 +35,9 @@ class Respiration(Effect):
     def surface_mm(self, block: Block) -> FloatArray:
         """Return the breath."""
         t, f = block.time_s, self["frequency_hz"]
-        turn = 2 * np.pi * f * (t + 0.06 * self.rough * self.rate.integral(t)) + self.phase
+        turn = 2 * np.pi * f * (t + 0.03 * self.rough * self.rate.integral(t)) + self.phase
         breath = np.sin(turn)
         if self.rough:
-            breath += 0.2 * self.rough * np.sin(2 * turn + 0.7)
-            breath *= 1 + 0.2 * self.rough * self.size(t)
+            breath += 0.15 * self.rough * np.sin(2 * turn + 0.7)
+            breath *= 1 + 0.12 * self.rough * self.size(t)
         return self["amplitude_um"] * 1e-3 * breath

@@ -8,13 +8,13 @@ from sim_hardware.effects.base import IN_CONTACT, Effect, Parameter
 from sim_hardware.parts import Block, FloatArray
 from sim_hardware.wander import Wander
 
-_BAND = 0.08
+_BAND = 0.05
 
 
 class Tremor(Effect):
     """The surface moves in a narrow band around the muscles' rhythm.
 
-    Shows in every contact. Rough: band-limited noise, 8 % of the frequency to either side, so that it waxes
+    Shows in every contact. Rough: band-limited noise, 5 % of the frequency to either side, so that it waxes
     and wanes over seconds; its rms is that of a sine of the declared amplitude. Textbook: that sine.
     """
 

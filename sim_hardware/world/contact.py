@@ -29,6 +29,8 @@ FIXED, TOTAL_GAIN, DASH, OLD, GIVE = range(5)
 
 _CLOSE_MM = 1e-13
 _TRIES = 60
+_PEELED = 40
+"""A bond opened to so many times the opening at which it grips hardest is gone."""
 
 
 @njit(cache=True, error_model="numpy")
@@ -159,7 +161,7 @@ def contact_step(
             touching = force >= -c[PULL_OFF]
         else:
             d, force, opening = _peeling(w, c, step, state)
-            touching = opening < 9 * c[PEEL]
+            touching = opening < _PEELED * c[PEEL]
         if not touching:
             d, force, opening = free, 0.0, 0.0
 

@@ -121,7 +121,7 @@ def test_rough_adhesion_peels_instead_of_snapping(bench: Any, quiet: Any) -> Non
         lowest = int(np.argmin(pull))
         lasts.append(int(np.flatnonzero(pull[lowest:] > -0.01 * 5)[0]))
     assert lasts[0] <= 1
-    assert 3 < lasts[1] < 80
+    assert 3 <= lasts[1] < 20
 
 
 def test_inertia_is_mass_times_acceleration(bench: Any, quiet: Any) -> None:
@@ -150,8 +150,8 @@ def test_viscous_friction_grows_with_the_speed(bench: Any, quiet: Any, rough: fl
 def test_friction_at_rest_fades(bench: Any, quiet: Any) -> None:
     (a,), (b,) = _pair(bench, quiet, _with("coulomb_friction", force_mn=2.0))
     held = (b.force_mn - a.force_mn)[a.phases["hold"]]
-    assert abs(held[20]) > 0.5
-    assert np.abs(held[2400:]).max() < 1e-3
+    assert abs(held[8]) > 0.5
+    assert np.abs(held[800:]).max() < 1e-3
 
 
 @pytest.mark.parametrize("rough", [0.0, 1.0])

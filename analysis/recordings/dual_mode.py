@@ -84,8 +84,8 @@ def find_modes(
         if ringing is not None:
             events.append(ringing)
             log.append(ringing.message)
-        depth_mm: float | None = round(level - float(position_mm[contact]), 4)
-        log.append(f"depth {depth_mm} mm, measured from first contact to the hold")
+        depth_mm: float | None = round(level - float(position_mm[press]), 4)
+        log.append(f"depth {depth_mm} mm, measured from the end of the dwell to the hold")
     else:
         depth_mm = None
         log.append("no hold: the lever never holds position while it presses")

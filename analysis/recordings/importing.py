@@ -10,7 +10,7 @@ from analysis.errors import BadInputError
 from analysis.recordings.draft import Draft, trial_of
 from analysis.recordings.layout import FORMAT
 from analysis.recordings.trial import Kind, Trial
-from analysis.recordings.writing import write_trial
+from analysis.recordings.writing import check_trial, write_trial
 
 
 def import_files(files: Sequence[Path], out: Path, kind: Kind | None) -> list[Path]:
@@ -30,6 +30,7 @@ def import_files(files: Sequence[Path], out: Path, kind: Kind | None) -> list[Pa
             if target.exists():
                 raise BadInputError(f"{file}: {target} exists already: choose another --out, or remove it")
             trials[target] = trial_of(draft, file, kind or "ramp_hold_retract")
+            check_trial(file, trials[target])
     _write_all(trials, Path(out))
     return list(trials)
 
@@ -83,7 +84,8 @@ def _write_all(trials: dict[Path, Trial], out: Path) -> None:
             for target in trials:
                 (Path(folder) / target.name).replace(target)
     except OSError as error:
-        if made and out.is_dir() and not any(out.iterdir()):
-            out.rmdir()
         reason = error.strerror or str(error)
         raise BadInputError(f"{out}: can't be written to ({reason}): choose another --out") from error
+    finally:
+        if made and out.is_dir() and not any(out.iterdir()):
+            out.rmdir()

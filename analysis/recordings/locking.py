@@ -8,24 +8,19 @@ from __future__ import annotations
 
 import os
 import sys
+from contextlib import suppress
 from io import FileIO
 from pathlib import Path
 
 
 def lock(file: FileIO) -> None:
-    """Take the lock of a file open for writing; BlockingIOError where another process holds it.
+    """Take the lock of a file open for writing, for as long as it is open.
 
     File systems without locks are no reason not to record: there the lock is left out.
     """
     if sys.platform != "win32":
-        import fcntl
-
-        try:
-            fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise
-        except OSError:
-            return
+        with suppress(OSError):
+            os.lockf(file.fileno(), os.F_TLOCK, 0)
 
 
 def is_locked(path: Path) -> bool:
@@ -34,7 +29,9 @@ def is_locked(path: Path) -> bool:
         return False
     with path.open("rb+", buffering=0) as file:
         try:
-            lock(file)
+            os.lockf(file.fileno(), os.F_TEST, 0)
         except (BlockingIOError, PermissionError):
             return True
+        except OSError:
+            return False  # a file system without locks
     return False

@@ -72,7 +72,7 @@ def read_unchecked(path: Path, *, cut: bool = False) -> Trial:
             surface=_surface(path, file),
             protocol=_protocol(path, file),
             specimen=Specimen(**optional_attributes(path, file, "specimen")),
-            events=read_events(path, file),
+            events=read_events(path, file, clip=running),
             log=read_log(path, file),
             native=_native(path, file),
             other_channels=_other_channels(path, file),

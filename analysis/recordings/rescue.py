@@ -19,7 +19,13 @@ from analysis.recordings.motion import SMEAR_S, Stretch, moves_and_rests, phases
 from analysis.recordings.opening import HDF5_ERRORS
 from analysis.recordings.reading import read_trial
 from analysis.recordings.trial import Phase, Trial
-from analysis.recordings.writing import SOFTWARE, replace_trial, software_version, write_trial
+from analysis.recordings.writing import (
+    SOFTWARE,
+    remove_leftovers,
+    replace_trial,
+    software_version,
+    write_trial,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +53,7 @@ def _rescue(path: Path) -> RescueOutcome:
         if path.is_file() and bytes_missing(path):
             return _bring_back_cut_file(path)
         trial = read_trial(path)
+        remove_leftovers(path)
         if trial.status != "running":
             return RescueOutcome(path, f"is whole (status {trial.status}): left alone", "left alone")
         recovered = recovered_trial(trial)

@@ -9,6 +9,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.errors import BadInputError
 from analysis.recordings.attributes import text_of
 from analysis.recordings.checks import phases_problem
 from analysis.recordings.opening import access, bad_input
@@ -39,40 +40,59 @@ def _whole(path: Path, where: str, raw: Any) -> int:
 
 
 def read_phases(path: Path, file: Any, n_samples: int, *, clip: bool) -> tuple[Phase, ...]:
-    """Return the phases in order; empty ones say nothing and are left away."""
+    """Return the phases in order; empty ones say nothing and are left away.
+
+    `clip` is for a file that was cut off: phases end with the samples, and a row half-written at that
+    moment, and what follows it, is left away.
+    """
     rows = _table(path, file, "phases", ("name", "start", "stop"))
     if rows is None:
         raise bad_input(path, "/phases", "is missing", "it must list name, start and stop of each phase")
     phases: list[Phase] = []
     for number, row in enumerate(rows):
-        where = f"/phases row {number}"
-        with access(path, where):
-            name = text_of(path, where, row["name"])
-            start, stop = _whole(path, where, row["start"]), _whole(path, where, row["stop"])
-        if not name and clip:
-            continue  # a row of a running file that was not written yet
+        try:
+            phase = _phase(path, f"/phases row {number}", row)
+        except BadInputError:
+            if clip:
+                break
+            raise
         if clip:
-            start, stop = min(start, n_samples), min(stop, n_samples)
-        phases.append(Phase(name, start, stop))
+            phase = Phase(phase.name, min(phase.start, n_samples), min(phase.stop, n_samples))
+        if clip and phases_problem([*phases, phase], n_samples):
+            break
+        phases.append(phase)
     problem = phases_problem(phases, n_samples)
     if problem:
         raise bad_input(path, "/phases", problem, "write them in order, stop exclusive")
     return tuple(phase for phase in phases if phase.stop > phase.start)
 
 
-def read_events(path: Path, file: Any) -> tuple[Event, ...]:
-    """Return the events; a file without the table has none."""
+def _phase(path: Path, where: str, row: Any) -> Phase:
+    with access(path, where):
+        name = text_of(path, where, row["name"])
+        return Phase(name, _whole(path, where, row["start"]), _whole(path, where, row["stop"]))
+
+
+def read_events(path: Path, file: Any, *, clip: bool) -> tuple[Event, ...]:
+    """Return the events; a file without the table has none. `clip` is as for the phases."""
     rows = _table(path, file, "events", ("sample", "kind", "message"))
     events: list[Event] = []
     for number, row in enumerate(rows if rows is not None else ()):
-        where = f"/events row {number}"
-        with access(path, where):
-            kind = text_of(path, where, row["kind"])
-            message = text_of(path, where, row["message"])
-            sample = _whole(path, where, row["sample"])
-        if kind or message:
-            events.append(Event(sample, kind, message))
+        try:
+            event = _event(path, f"/events row {number}", row)
+        except BadInputError:
+            if clip:
+                break
+            raise
+        if event.kind or event.message:  # else a row that was not written yet
+            events.append(event)
     return tuple(events)
+
+
+def _event(path: Path, where: str, row: Any) -> Event:
+    with access(path, where):
+        kind, message = text_of(path, where, row["kind"]), text_of(path, where, row["message"])
+        return Event(_whole(path, where, row["sample"]), kind, message)
 
 
 def read_log(path: Path, file: Any) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ changes the structure, go through a whole new file that takes the old one's plac
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
@@ -217,7 +218,7 @@ class TrialWriter:
             reason = error.strerror or str(error)
             raise BadInputError(f"{self.path}: can't be made ({reason}): check the folder") from error
         self._offsets = offsets
-        self._open()
+        self._bytes = _opened(self.path)
 
     def _restructure(self, capacity: int) -> None:
         """Move to a new file of that capacity; the old one stands until the new one is whole."""
@@ -226,14 +227,23 @@ class TrialWriter:
         self._capacity = capacity
         with replacing(self.path, finished=False) as part:
             offsets = self._structure(part)
-            with part.open("rb+", buffering=0) as file:
-                for name in self._names:
-                    for start in range(0, self.n_samples, _COPY_SAMPLES):
-                        block = self._read(name, start, min(_COPY_SAMPLES, self.n_samples - start))
-                        _write_at(file, offsets[name] + 8 * start, block)
+            new = _opened(part)  # locked before it takes its place, so that the trial is never without
+            try:
+                self._copy_samples(new, offsets)
+            except OSError:
+                new.close()
+                raise
             self._close()
+            if sys.platform == "win32":
+                new.close()  # an open file can't be moved there
         self._offsets = offsets
-        self._open()
+        self._bytes = _opened(self.path) if new.closed else new
+
+    def _copy_samples(self, new: FileIO, offsets: dict[str, int]) -> None:
+        for name in self._names:
+            for start in range(0, self.n_samples, _COPY_SAMPLES):
+                block = self._read(name, start, min(_COPY_SAMPLES, self.n_samples - start))
+                _write_at(new, offsets[name] + 8 * start, block)
 
     def _structure(self, part: Path) -> dict[str, int]:
         """Write everything but the samples, and return the offset of each dataset's bytes."""
@@ -251,10 +261,6 @@ class TrialWriter:
             datasets = {name: file["signals"][name] for name in self._names}
             datasets |= {"phases": file["phases"], "events": file["events"]}
             return {name: int(dataset.id.get_offset()) for name, dataset in datasets.items()}
-
-    def _open(self) -> None:
-        self._bytes = self.path.open("rb+", buffering=0)
-        lock(self._bytes)
 
     def _put(self, offset: int, values: NDArray[Any]) -> None:
         if self._bytes is None:
@@ -279,6 +285,12 @@ class TrialWriter:
         if self._bytes is not None:
             self._bytes.close()
             self._bytes = None
+
+
+def _opened(path: Path) -> FileIO:
+    file = path.open("rb+", buffering=0)
+    lock(file)
+    return file
 
 
 def _write_at(file: FileIO, offset: int, values: NDArray[Any]) -> None:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import glob
 import math
 import os
 import shutil
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
@@ -31,6 +33,7 @@ from analysis.recordings.sealing import seal
 from analysis.recordings.trial import Event, Phase, Trial
 
 SOFTWARE = "indenter"
+_LEFTOVER_S = 60.0  # no file is half-written for so long by a process that lives
 
 
 @cache
@@ -123,6 +126,13 @@ def replacing(path: Path, *, exclusive: bool = False, finished: bool = True) -> 
             part.replace(path)
     finally:
         part.unlink(missing_ok=True)
+
+
+def remove_leftovers(path: Path) -> None:
+    """Remove what a killed process left beside a file that it was about to replace."""
+    for part in path.parent.glob(f".{glob.escape(path.name)}.*.part"):
+        if time.time() - part.stat().st_mtime > _LEFTOVER_S:
+            part.unlink(missing_ok=True)
 
 
 def _move_to_free_name(part: Path, path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 import sys
 import tomllib
 from pathlib import Path
@@ -57,9 +58,9 @@ def test_the_window_in_which_the_lever_holds_position(name, shared, tmp_path):
     tenth = len(force_mn) // 10
     assert force_mn[:tenth].mean() > 1.03 * force_mn[-tenth:].mean()  # it relaxes
     assert trial.phase("approach").stop == trial.surface.sample
-    assert trial.protocol.depth_mm == pytest.approx(
-        np.median(position_mm) - trial.surface.position_mm, abs=1e-3
-    )
+    ramp_mm = trial.position_mm[trial.phase("ramp").samples]
+    assert trial.protocol.depth_mm == pytest.approx(np.median(position_mm) - ramp_mm[0], abs=1e-3)
+    assert trial.surface.position_mm < ramp_mm[0] < 6.0
 
 
 def test_changes_of_control_mode_and_ringing_are_events(shared, tmp_path):
@@ -388,6 +389,47 @@ def test_broken_afm_files_are_refused(name, tmp_path, capfd):
 
 def test_a_trial_file_needs_no_import(tmp_path, foreign_file):
     assert "is a trial file already" in _refused(foreign_file(), tmp_path / "out")
+
+
+# damage
+
+
+@pytest.mark.parametrize("ending", ["ddf", "csv"])
+def test_damaged_texts_are_imported_or_refused(ending, tmp_path):
+    """Characters lost, changed and doubled at random: a trial that can be read, or one line."""
+    t = np.arange(400) / 100
+    x, f = _press(3 * t)
+    good = tmp_path / f"good.{ending}"
+    contents = (_ddf(good, rows=400) if ending == "ddf" else _csv(good, t, x, f)).read_bytes()
+    rng = random.Random(ending)
+    refused = 0
+    for number in range(150):
+        damaged = bytearray(contents)
+        for _ in range(rng.choice([1, 1, 3, 20])):
+            # half of the damage strikes the header, where most of it matters
+            where = rng.randrange(len(damaged) if rng.random() < 0.5 else 500)
+            match rng.randrange(4):
+                case 0:
+                    del damaged[where : where + rng.randrange(1, 30)]
+                case 1:
+                    damaged[where] = rng.randrange(256)
+                case 2:
+                    damaged[where:where] = damaged[max(0, where - 20) : where]
+                case 3:
+                    damaged[where : where + 1] = rng.choice(
+                        [b"\t", b",", b"\n", b"1e400", b"-", b"\0", b"9" * 30]
+                    )
+        file = tmp_path / f"{number}.{ending}"
+        file.write_bytes(damaged)
+        try:
+            (path,) = import_files([file], tmp_path / "out", None)
+        except BadInputError as error:
+            assert "\n" not in str(error)
+            refused += 1
+        else:
+            trial = read_trial(path)
+            assert np.isfinite(trial.position_mm).all()
+    assert 20 < refused < 150
 
 
 # batches

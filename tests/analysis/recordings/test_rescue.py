@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 
@@ -100,6 +101,33 @@ def test_without_any_phase_only_what_the_protocol_confirms_is_claimed(tmp_path, 
         "ramp",
         "hold",
     ]
+
+
+def test_a_row_half_written_at_the_kill_does_no_harm(tmp_path, a_header):
+    path = tmp_path / "t.h5"
+    _cut_off(path, a_header(), 40_000, PHASES[:4])
+    with h5py.File(path, "r+") as file:
+        rows = file["phases"][()]
+        rows[3]["stop"], rows[4]["name"] = 7, b"retr\xff"
+        file["phases"][...] = rows
+        events = file["events"][()]
+        events[1]["kind"], events[1]["message"] = b"limit", b"\xc3"
+        file["events"][...] = events
+    trial = read_trial(path)
+    assert trial.phases == PHASES[:3]
+    assert trial.events == (Event(5, "note", "kept"),)
+    rescue_paths([path])
+    assert [p.name for p in read_trial(path).phases] == ["approach", "dwell", "ramp", "hold"]
+
+
+def test_leftovers_of_a_killed_process_are_cleared(tmp_path, a_trial):
+    write_trial(tmp_path / "t.h5", a_trial())
+    old, new = tmp_path / ".t.h5.11.part", tmp_path / ".t.h5.12.part"
+    old.write_bytes(b"x")
+    new.write_bytes(b"x")
+    os.utime(old, (1e9, 1e9))
+    rescue_paths([tmp_path])
+    assert sorted(p.name for p in tmp_path.iterdir()) == [".t.h5.12.part", "t.h5"]
 
 
 def test_an_air_sweep_is_one_sweep(tmp_path, a_header):

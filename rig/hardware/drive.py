@@ -16,7 +16,7 @@ from rig.rig_file import CardSettings
 
 FloatArray = NDArray[np.float64]
 
-_HISTORY = 256
+_HISTORY = 4096
 """Samples of loop-back kept from before a start, to know the rest it starts from."""
 
 _BITS = 16
@@ -89,22 +89,27 @@ class Drive:
             output.start()
             return self._note(output, volts, 0, 0, taken, triggered=True)
 
-    def stop(self) -> tuple[Playback, int] | None:
-        """Stop now; the waveform that was the last and how many of its samples were out, or None."""
+    def stop(self, *, count: bool = True) -> tuple[Playback, int] | None:
+        """Stop now; the waveform that was the last and how many of its samples were out, or None.
+
+        Asking how many takes time while the arm moves on. Without ``count`` it is all of them, for a
+        caller who sees in the loop-back where the arm was stopped.
+        """
         with self.lock:
             output, playback = self._output, self._playback
             if output is None or playback is None:
                 return None
-            n_played = min(max(output.generated(), 1), playback.n)
+            n_played = min(max(output.generated(), 1), playback.n) if count else playback.n
             self.close()
-            for finder in self._finders:
-                finder.end_at(playback.expected_sample + n_played)
             playback.mark_stopped()
             self.correct_stop(n_played, float(playback.volts[n_played - 1]))
             return playback, n_played
 
     def correct_stop(self, n_played: int, held_v: float) -> None:
-        """What is held after the last stop is ``held_v``."""
+        """The last waveform was stopped after ``n_played`` samples; what is held is ``held_v``."""
+        if self._playback is not None:
+            for finder in self._finders:
+                finder.end_at(self._playback.expected_sample + n_played)
         self._track.cut(n_played, held_v)
 
     def close(self) -> None:

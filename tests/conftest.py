@@ -1,4 +1,4 @@
-"""Fixtures that several rooms' tests share."""
+"""Options and fixtures that several rooms' tests share."""
 
 from __future__ import annotations
 
@@ -10,6 +10,11 @@ from types import ModuleType
 from typing import Any
 
 import pytest
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """`pytest --rig RIG.toml`: the hardware's contract test on that rig instead of the simulated one."""
+    parser.addoption("--rig", type=Path, default=None, help="rig file of a real card, nothing below the arm")
 
 
 @pytest.fixture(scope="session")

@@ -13,8 +13,8 @@ _DEPARTURE_V = 0.004
 _AT_REST_V = 0.002
 """Samples that lie so close together are of an output at rest."""
 
-_CERTAINTY = 200.0
-"""A shift is taken when its rival, one sample off, fits worse by so many noise variances (7 sigma)."""
+_CERTAINTY = 120.0
+"""A shift is taken when its rival, one sample off, fits worse by so many noise variances (5 sigma)."""
 
 _SMALLEST_NOISE_V = 5e-5
 """Even a noiseless loop-back is rounded to 0.3 mV: no residual is believed to be smaller."""
@@ -25,7 +25,7 @@ _REACH = 8
 _PATIENCE = 1.3
 """An unsuccessful search is repeated when there are so many times the samples."""
 
-_HISTORY = 256
+_HISTORY = 4096
 """Samples before the start that are used to know the rest it starts from."""
 
 

@@ -11,7 +11,7 @@ import logging
 import os
 from collections.abc import Iterator, Sequence
 from types import TracebackType
-from typing import Self
+from typing import Any, NamedTuple, Self
 
 import grpc
 import nidaqmx
@@ -45,6 +45,9 @@ _WRITE_BLOCK = 100_000
 _CHANNEL_OPTIONS = (("grpc.enable_http_proxy", 0),)
 """A card is in the laboratory's own network: a web proxy between would only add time and failures."""
 
+_DEADLINE_S = 30.0
+"""No call takes that long: reads are short. A server that hangs is told, not waited for."""
+
 _REMEDIES: dict[int, tuple[type[CardError], str]] = {
     -200279: (SamplesLostError, "the computer was too slow to read; close other programs, then run again"),
     -200361: (SamplesLostError, "the card's own memory overflowed; close other programs, then run again"),
@@ -68,6 +71,10 @@ _RPC_REMEDIES: dict[grpc.StatusCode, tuple[type[CardError], str]] = {
     grpc.StatusCode.UNAVAILABLE: (
         CardMissingError,
         "the card's server does not answer; start it and check card.address in rig.toml",
+    ),
+    grpc.StatusCode.DEADLINE_EXCEEDED: (
+        CardMissingError,
+        f"the card's server has not answered for {_DEADLINE_S:g} s; restart it, then run again",
     ),
     grpc.StatusCode.ALREADY_EXISTS: (
         CardBusyError,
@@ -113,13 +120,35 @@ def _first_line(text: str) -> str:
     return lines[0].rstrip(". ") if lines else "no reason given"
 
 
+class _Deadline(grpc.UnaryUnaryClientInterceptor):  # type: ignore[misc]
+    """Gives every call a deadline, which the driver's client leaves out."""
+
+    def intercept_unary_unary(self, continuation: Any, details: Any, request: Any) -> Any:
+        """Pass the call on with a deadline."""
+        return continuation(_CallDetails(details.method, details.metadata, details.credentials), request)
+
+
+class _CallDetails(NamedTuple):
+    """What a call is made with; only the deadline is not the caller's."""
+
+    method: str
+    metadata: Any
+    credentials: Any
+    timeout: float = _DEADLINE_S
+    wait_for_ready: bool | None = None
+    compression: Any = None
+
+
 class Card:
     """One card; a context manager that closes the way to it. Tasks are named after ``owner``."""
 
     def __init__(self, address: str, device: str, owner: str = "indenter") -> None:
         self.device = device
         self._owner = owner
-        self._channel = grpc.insecure_channel(address, options=_CHANNEL_OPTIONS) if address else None
+        self._channel: grpc.Channel | None = None
+        if address:
+            plain = grpc.insecure_channel(address, options=_CHANNEL_OPTIONS)
+            self._channel = grpc.intercept_channel(plain, _Deadline())
         self.where = f"card {device} at {address}" if address else f"card {device}"
 
     def __enter__(self) -> Self:

@@ -40,6 +40,8 @@ _RETRY_S = 0.02
 def main() -> int:
     """Run the guard; 0 after an orderly end or a successful retreat, 1 where the arm could not be moved."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with contextlib.suppress(OSError, AttributeError):
+        os.nice(-10)  # where it is allowed: it must not wait behind whatever keeps the computer busy
     orders = json.loads(sys.stdin.buffer.readline())
     card_settings = CardSettings.model_validate_json(json.dumps(orders["rig"]["card"]))
     lever = LeverSettings.model_validate_json(json.dumps(orders["rig"]["lever"]))

@@ -182,15 +182,15 @@ class Lever:
         some samples before the stop.
         """
         recorder = self._recording()
-        stopped = self._drive.stop()
+        stopped = self._drive.stop(count=not self.loopback_wired)
         if stopped is not None and self.loopback_wired:
-            playback, n_played = stopped
+            playback, _ = stopped
             # the sample under way at the stop and the next may still show the motion
             first = recorder.acquired() + 2
             recorder.wait_for(first + _AFTER_STOP, heed=False)
             held_v = float(recorder.peek(first, first + _AFTER_STOP)[2].mean())
-            held_v = float(playback.volts[int(np.argmin(np.abs(playback.volts - held_v)))])
-            self._drive.correct_stop(n_played, held_v)
+            last = int(np.argmin(np.abs(playback.volts - held_v)))
+            self._drive.correct_stop(last + 1, float(playback.volts[last]))
         return self.commanded_mm
 
     def retreat(self) -> None:
@@ -219,7 +219,10 @@ class Lever:
         self._arrived()
 
     def stop_recording(self) -> None:
-        """Stop the inputs; samples fetched and not yet read are dropped."""
+        """Stop the inputs; samples fetched and not yet read are dropped.
+
+        Raises LimitHit where a limit was hit and no `read` has told.
+        """
         recorder, self._recorder = self._recorder, None
         if recorder is not None:
             self._drive.rest_at(self._drive.held_v)
@@ -274,16 +277,17 @@ class Lever:
 
     def _record(self, source: CardInput) -> None:
         self._watch = Watch(self.limits, self.calibration, self._settings.range_v)
-        self._recorder = Recorder(
+        recorder = Recorder(
             source,
             rate_hz=self.sample_rate_hz,
             ring_samples=round(_RING_S * self.sample_rate_hz),
             read_samples=max(round(self._settings.read_interval_s * self.sample_rate_hz), 1),
-            inspect=self._inspect,
+            inspect=lambda start, block: self._inspect(recorder, start, block),
         )
-        self._recorder.start()
+        self._recorder = recorder
+        recorder.start()
 
-    def _inspect(self, start: int, block: FloatArray) -> None:
+    def _inspect(self, recorder: Recorder, start: int, block: FloatArray) -> None:
         """Called by the reader thread with every block: on a limit, begin the retract, then say so."""
         if self._limit_hit or self._retreating:
             return
@@ -293,7 +297,7 @@ class Lever:
         except LimitHit as hit:
             self._limit_hit = True
             try:
-                self._begin_way_to_safety()
+                self._begin_way_to_safety(recorder)
             except CardError as error:
                 raise RetreatFailedError(
                     f"{hit.limit} limit hit at {hit.position_mm:.3f} mm and the arm could not be moved away, "
@@ -301,8 +305,7 @@ class Lever:
                 ) from error
             raise
 
-    def _begin_way_to_safety(self) -> Playback:
-        recorder = self._recording()
+    def _begin_way_to_safety(self, recorder: Recorder) -> Playback:
         with self._drive.lock:
             self._drive.stop()
             way_mm = straight_mm(
@@ -320,7 +323,7 @@ class Lever:
         self._retreating = True
         try:
             self.halt()
-            playback = self._begin_way_to_safety()
+            playback = self._begin_way_to_safety(recorder)
             n_settle = round(SETTLE_S * self.sample_rate_hz)
             stop = playback.expected_sample + playback.n + n_settle
             recorder.wait_for(stop, heed=False)
@@ -352,11 +355,8 @@ class Lever:
 
     def _drop_tasks(self) -> None:
         """Free the card of all tasks; what can't be freed any more is noted and left."""
-        try:
-            self._drive.close()
-        except CardError as error:
-            _log.warning("closing the output: %s", error)
-        try:
-            self.stop_recording()
-        except CardError as error:
-            _log.warning("closing the inputs: %s", error)
+        for close in (self._drive.close, self.stop_recording):
+            try:
+                close()
+            except HardwareError as error:
+                _log.warning("freeing the card: %s", error)

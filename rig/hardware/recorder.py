@@ -135,13 +135,17 @@ class Recorder:
                     )
 
     def stop(self) -> None:
-        """End the thread and free the inputs."""
+        """End the thread and free the inputs; raises what `inspect` found and no `take` has told."""
         with self._changed:
             self._stopping = True
             self._changed.notify_all()
         if self._thread.ident is not None:
-            self._thread.join()
+            # a read that hangs ends when its task is cleared
+            self._thread.join(_LATE_S)
         self._source.close()
+        finding, self._finding = self._finding, None
+        if finding is not None:
+            raise finding
 
     def _run(self) -> None:
         try:

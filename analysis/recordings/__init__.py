@@ -1,4 +1,8 @@
-"""The trial file: layout, writer, reader, importers."""
+"""The trial file: layout, writer, reader, importers.
+
+`layout` declares every attribute once; `reading` and `writing` walk it. `trial_writer` keeps a running trial
+on disk, `rescue` brings back what a kill cut off, `importing` takes other programs' recordings.
+"""
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any

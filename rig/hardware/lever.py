@@ -25,7 +25,14 @@ from rig.hardware.errors import (
 from rig.hardware.limits import Watch, refuse_beyond_limits
 from rig.hardware.playback import Chunk, Playback
 from rig.hardware.recorder import Recorder
-from rig.hardware.retreat import LOOK_S, SETTLE_S, bring_to_safety, commanded_by_loopback_mm, straight_mm
+from rig.hardware.retreat import (
+    LATE_S,
+    LOOK_S,
+    SETTLE_S,
+    bring_to_safety,
+    commanded_by_loopback_mm,
+    straight_mm,
+)
 from rig.rig_file import RigFile
 
 __all__ = ["Chunk", "Lever", "Playback"]
@@ -73,7 +80,7 @@ class Lever:
         try:
             with contextlib.closing(self._open_input()) as source:
                 source.start()
-                seen = source.read(round(LOOK_S * self.sample_rate_hz), timeout_s=5.0).mean(axis=1)
+                seen = source.read(round(LOOK_S * self.sample_rate_hz), timeout_s=LATE_S).mean(axis=1)
         except CardError:
             self._card.close()
             raise
@@ -329,7 +336,7 @@ class Lever:
             recorder.wait_for(stop, heed=False)
             while self._drive.moving():
                 stop += n_settle
-                if stop > playback.expected_sample + playback.n + self.sample_rate_hz:
+                if stop > playback.expected_sample + playback.n + LATE_S * self.sample_rate_hz:
                     raise RetreatFailedError("the output of the card does not end")
                 recorder.wait_for(stop, heed=False)
             seen = recorder.peek(stop - n_settle // 2, stop).mean(axis=1)

@@ -22,8 +22,8 @@ LOOK_S = 0.005
 SETTLE_S = 0.01
 """How long the arm is given to follow the last sample of a motion (a servo of 5e3 rad/s takes 1.3 ms)."""
 
-_LATE_S = 1.0
-"""How much longer than expected the card may take before the retreat is given up."""
+LATE_S = 5.0
+"""How much longer than expected the card may take: a computer that is busy starts an output late."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ def bring_to_safety(
     with contextlib.closing(source):
         source.start()
         n_look = round(LOOK_S * rate_hz)
-        seen = source.read(n_look, timeout_s=_LATE_S).mean(axis=1)
+        seen = source.read(n_look, timeout_s=LATE_S).mean(axis=1)
         position_mm = (float(seen[0]) - c.position_zero_v) / c.volts_per_mm
         commanded_mm = position_mm
         if settings.loopback_channel:
@@ -105,11 +105,11 @@ def _drive(card: Card, source: CardInput, volts: FloatArray, settings: CardSetti
         output.start()
         # what was sampled while the output was prepared is read as well, up to the end of the way
         stop = started + len(volts) + round(SETTLE_S * rate_hz)
-        patience = stop + round(_LATE_S * rate_hz)
+        patience = stop + round(LATE_S * rate_hz)
         position_v = float("nan")
         while n_read < stop or not output.done():
             if n_read > patience:
                 raise RetreatFailedError("the output of the card does not end; lift the arm by hand")
-            position_v = float(source.read(n_look, timeout_s=_LATE_S)[0].mean())
+            position_v = float(source.read(n_look, timeout_s=LATE_S)[0].mean())
             n_read += n_look
     return (position_v - c.position_zero_v) / c.volts_per_mm

@@ -1,0 +1,46 @@
+"""What several benchmarks need: the simulator of the relaxation tests, and processors kept busy."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+
+@pytest.fixture(scope="session")
+def simulate() -> Callable[..., Any]:
+    """Function that simulates a trial of exactly known tissue; see tests/analysis/relaxation/conftest.py."""
+    path = Path(__file__).parents[1] / "analysis" / "relaxation" / "conftest.py"
+    spec = spec_from_file_location("relaxation_simulator", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    function: Callable[..., Any] = module.simulate_trial
+    return function
+
+
+@contextmanager
+def _busy() -> Iterator[None]:
+    spinners = [
+        subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(os.cpu_count() or 1)
+    ]
+    try:
+        yield
+    finally:
+        for spinner in spinners:
+            spinner.kill()
+            spinner.wait()
+
+
+@pytest.fixture(scope="session")
+def busy_processors() -> Callable[[], AbstractContextManager[None]]:
+    """Context manager that keeps every processor busy with other work."""
+    return _busy

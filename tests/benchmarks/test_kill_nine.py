@@ -1,0 +1,105 @@
+"""Kill -9 at random moments of a trial of `indenter run`: what the file misses, and where the arm goes.
+
+`pytest -m "slow and benchmark" -s tests/benchmarks/test_kill_nine.py`; KILLS lowers their number.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from contextlib import ExitStack
+from datetime import datetime
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from analysis.recordings import read_trial
+from analysis.recordings.rescue import rescue_paths
+from rig.config import parse_rig
+from rig.hardware.companion import Companion
+from rig.hardware.remote import ControlService
+
+KILLS = int(os.environ.get("KILLS", "100"))
+BENCH = """
+[companion]
+command = ["{python}", "-m", "sim_hardware"]
+[companion.settings]
+seed = 3
+time = "real"
+"""
+PROTOCOL = """
+kind = "ramp_hold_retract"
+[surface]
+start_mm = 2.9
+[indentation]
+depth_mm = 0.4
+dwell_s = 0.5
+hold_s = 1.5
+"""
+SAFE_MM = 0.5
+
+
+@pytest.mark.slow
+@pytest.mark.benchmark
+def test_kill_nine(tmp_path: Path) -> None:
+    random = np.random.default_rng(5)
+    settings = parse_rig(BENCH, "bench").companion
+    assert settings is not None
+    missing_ms, safe_ms, in_contact = [], [], 0
+    with Companion(settings) as companion, ExitStack() as stack:
+        control = ControlService(companion.resolve("companion:control"))
+        rig, protocol = tmp_path / "rig.toml", tmp_path / "one.toml"
+        protocol.write_text(PROTOCOL)
+        stack.callback(control.close)
+        address = companion.resolve("companion:control")
+        rig.write_text(
+            f'[card]\naddress = "{companion.resolve("companion:card")}"\nloopback_channel = "ai2"\n'
+            f'[operator]\naddress = "{address}"\n[clock]\naddress = "{address}"\n'
+        )
+        for i in range(KILLS):
+            out = tmp_path / f"out{i}"
+            command = [
+                sys.executable,
+                "-m",
+                "rig.cli",
+                "run",
+                str(protocol),
+                "--rig",
+                str(rig),
+                "--out",
+                str(out),
+            ]
+            run = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            file = out / "index_0.40mm.h5"
+            while not file.exists() and run.poll() is None:
+                time.sleep(0.005)
+            time.sleep(random.uniform(0.3, 4.0))
+            before = control.call("arm")
+            run.send_signal(signal.SIGKILL)
+            killed = time.time()
+            while abs(control.call("arm")["position_mm"] - SAFE_MM) > 0.3:
+                assert time.time() < killed + 20, "the arm never came to the safe position"
+                time.sleep(0.002)
+            safe_ms.append(1e3 * (time.time() - killed))
+            run.wait()
+            in_contact += bool(before["in_contact"])
+            with h5py.File(file) as opened:
+                started = datetime.fromisoformat(opened.attrs["started"]).timestamp()
+            rescue_paths([file])
+            trial = read_trial(file)
+            assert trial.status in {"recovered", "complete"}
+            if trial.status == "recovered":
+                missing_ms.append(1e3 * (killed - started - trial.n_samples / trial.sample_rate_hz))
+    missing, safe = np.array(missing_ms), np.array(safe_ms)
+    print(
+        f"\n{KILLS} kills, {in_contact} with the punch in the skin; every file opened and was rescued\n"
+        f"missing at the file's end (start of the card counted in): median {np.median(missing):.0f} ms, "
+        f"maximum {missing.max():.0f} ms, limit 100\n"
+        f"arm at the safe position after: median {np.median(safe):.0f} ms, maximum {safe.max():.0f} ms, "
+        f"within 500 ms {np.sum(safe <= 500)} of {KILLS}"
+    )

@@ -1,0 +1,179 @@
+"""How strong a concealed effect is: the norm, over the noise, of what no baseline simulation could absorb.
+
+A bench with the effect and one without it play the same paths, both without noise. What differs in the force
+given the recorded position, and in the position given the command, is made orthogonal to what a fit of the
+baseline is free to choose: k0, k1, tau1, k2, tau2 of all trials, contact point and offset of each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from sim_hardware.filters import LowPass
+from sim_hardware.parts import SAMPLE_RATE_HZ, FloatArray
+from sim_hardware.settings import BenchSettings, ConverterSettings, EffectSettings, NoiseSettings
+from sim_hardware.world import World
+
+_PARK_MM = 1.0
+_SHORT_MM = 0.5
+_STEP = 1e-4
+_STEP_MM = 5e-5
+_FORCE_NOISE_MN = 0.3
+_POSITION_NOISE_MM = 2.5e-4
+
+
+@dataclass(frozen=True, slots=True)
+class Paths:
+    """The trials that strength is measured on, each ``repeats`` times; ``trials`` scales to a whole study."""
+
+    depths_mm: tuple[float, ...] = (0.6, 0.2, 0.8, 0.4)
+    repeats: int = 2
+    trials: int = 20
+    ramp_speed_mm_s: float = 5.0
+    hold_s: float = 7.0
+    dwell_s: float = 2.0
+    rest_s: float = 150.0
+
+
+@dataclass(frozen=True, slots=True)
+class Quiet:
+    """One trial without noise; arrays are (n,). ``surface_mm``: the contact position."""
+
+    position_mm: FloatArray
+    force_mn: FloatArray
+    command_mm: FloatArray
+    surface_mm: float
+    tissue: tuple[float, ...]
+
+
+def strength(settings: BenchSettings, effects: Sequence[EffectSettings], paths: Paths | None = None) -> float:
+    """Return the strength of effects on a bench over a whole study, in units of the noise.
+
+    The larger of two norms: of the force given the position over 0.3 mN a sample, and of the position given
+    the command over 0.25 um a sample (or what the bench's settings say).
+    """
+    paths = paths or Paths()
+    # converters stay only where an effect is theirs: what they round off would pass for strength
+    converting = any(e.name == "dropped_bit" for e in effects)
+    without = _recorded(_quiet(settings, (), converting), paths)
+    with_them = record_quietly(_quiet(settings, tuple(effects), converting), paths)
+    force_mn = settings.noise.force_mn_rms or _FORCE_NOISE_MN
+    position_mm = settings.noise.position_um_rms * 1e-3 or _POSITION_NOISE_MM
+    gram = np.zeros((5, 5))
+    projected = np.zeros(5)
+    force_power = position_power = 0.0
+    for a, b in zip(without, with_them, strict=True):
+        left, shared = _force_given_position(a, b)
+        gram += shared.T @ shared
+        projected += shared.T @ left
+        force_power += float(left @ left)
+        command = np.column_stack([np.ones_like(a.command_mm), a.command_mm])
+        moved = _without(command, b.position_mm - a.position_mm)
+        position_power += float(moved @ moved)
+    scale = np.sqrt(np.diag(gram))
+    solved = np.linalg.lstsq(gram / np.outer(scale, scale), projected / scale, rcond=1e-9)[0]
+    force_power -= float(projected / scale @ solved)
+    share = paths.trials / len(without)
+    by_force = np.sqrt(max(force_power, 0.0) * share) / force_mn
+    by_position = np.sqrt(position_power * share) / position_mm
+    return float(max(by_force, by_position))
+
+
+def _force_given_position(a: Quiet, b: Quiet) -> tuple[FloatArray, FloatArray]:
+    """Return the mismatch (n,) of ``b`` beyond ``a``'s and the tissue's columns (n, 5), own columns out."""
+    difference = (b.force_mn - _baseline(b, 0.0, b.tissue)) - (a.force_mn - _baseline(a, 0.0, a.tissue))
+    shared = np.empty((len(difference), 5))
+    for k in range(5):
+        up, down = list(a.tissue), list(a.tissue)
+        up[k] *= 1 + _STEP
+        down[k] *= 1 - _STEP
+        shared[:, k] = (_baseline(a, 0.0, tuple(up)) - _baseline(a, 0.0, tuple(down))) / (2 * _STEP)
+    contact = (_baseline(a, _STEP_MM, a.tissue) - _baseline(a, -_STEP_MM, a.tissue)) / (2 * _STEP_MM)
+    own = np.column_stack([np.ones_like(difference), contact])
+    return _without(own, difference), _without(own, shared)
+
+
+def _without(columns: FloatArray, of: FloatArray) -> FloatArray:
+    """Return arrays (n,) or (n, m) made orthogonal to columns (n, q)."""
+    basis, _ = np.linalg.qr(columns / np.linalg.norm(columns, axis=0))
+    left: FloatArray = of - basis @ (basis.T @ of)
+    return left
+
+
+def _baseline(trial: Quiet, shift_mm: float, tissue: tuple[float, ...]) -> FloatArray:
+    """Return the force (n,) of the solid of two arms pressed by the recorded motion, never below 0."""
+    k0, k1, tau1, k2, tau2 = tissue
+    depth_mm = np.maximum(trial.position_mm - trial.surface_mm - shift_mm, 0.0)
+    force: FloatArray = (k0 + k1 + k2) * depth_mm
+    for k, tau in ((k1, tau1), (k2, tau2)):
+        force = force - k * LowPass(tau, 1 / SAMPLE_RATE_HZ)(depth_mm)
+    return np.maximum(force, 0.0)
+
+
+def _quiet(settings: BenchSettings, effects: tuple[EffectSettings, ...], converting: bool) -> BenchSettings:
+    """Return the bench without noise."""
+    bits = settings.converters.bits if converting else 0
+    return settings.model_copy(
+        update={
+            "effects": effects,
+            "noise": NoiseSettings(force_mn_rms=0.0, position_um_rms=0.0),
+            "converters": ConverterSettings(bits=bits, offset_mv_rms=0.0),
+        }
+    )
+
+
+@cache
+def _recorded(settings: BenchSettings, paths: Paths) -> tuple[Quiet, ...]:
+    return record_quietly(settings, paths)
+
+
+def record_quietly(settings: BenchSettings, paths: Paths) -> tuple[Quiet, ...]:
+    """Play the paths on a fresh bench whose operator knows where the skin is; return what was recorded."""
+    world = World(settings)
+    c = world.constants
+    found = []
+    for i in range(paths.repeats * len(paths.depths_mm)):
+        depth_mm = paths.depths_mm[i % len(paths.depths_mm)]
+        if i:
+            world.rest(paths.rest_s)
+        world.request("place_finger", {"finger": "index", "site": f"s{i}", "repeat": 1})
+        surface_mm = world.specimen.surface_mm
+        parts = world.specimen.parts
+        (k1, tau1), (k2, tau2) = ((arm.stiffness_mn_per_mm, arm.time_s) for arm in parts.arms)
+        stiffness = parts.k0_mn_per_mm + k1 + k2
+        start_mm, touch_mm = surface_mm - _SHORT_MM, surface_mm + 10.0 / stiffness + 0.006
+        deep_mm = touch_mm + depth_mm
+        world.advance(c.command_zero_v + c.command_volts_per_mm * _line(_PARK_MM, start_mm, 20.0))
+        world.begin_trial()
+        command_mm = np.concatenate(
+            [
+                np.full(800, start_mm),
+                _line(start_mm, touch_mm, 1.0),
+                np.full(round(paths.dwell_s * SAMPLE_RATE_HZ), touch_mm),
+                _line(touch_mm, deep_mm, paths.ramp_speed_mm_s),
+                np.full(round(paths.hold_s * SAMPLE_RATE_HZ), deep_mm),
+                _line(deep_mm, start_mm, 5.0),
+                np.full(3200, start_mm),
+            ]
+        )
+        readings = world.advance(c.command_zero_v + c.command_volts_per_mm * command_mm)
+        world.advance(c.command_zero_v + c.command_volts_per_mm * _line(start_mm, _PARK_MM, 20.0))
+        found.append(
+            Quiet(
+                (readings.position_v - c.position_zero_v) / c.volts_per_mm,
+                (readings.force_v - c.force_zero_v) / c.volts_per_mn,
+                command_mm,
+                surface_mm,
+                (parts.k0_mn_per_mm, k1, tau1, k2, tau2),
+            )
+        )
+    return tuple(found)
+
+
+def _line(from_mm: float, to_mm: float, speed_mm_s: float) -> FloatArray:
+    n = max(round(abs(to_mm - from_mm) / speed_mm_s * SAMPLE_RATE_HZ), 1)
+    return from_mm + (to_mm - from_mm) * np.arange(1, n + 1) / n

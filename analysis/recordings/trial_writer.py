@@ -209,6 +209,7 @@ class TrialWriter:
 
     def _create(self) -> None:
         """Make the file whole under another name, then give it its own: it never stands there half-made."""
+        check_attributes(self.path, self._trial("running"))
         try:
             with replacing(self.path, exclusive=True, finished=False) as part:
                 offsets = self._structure(part)

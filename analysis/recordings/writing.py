@@ -63,6 +63,7 @@ def write_trial(path: Path, trial: Trial) -> None:
 
 def check_trial(path: Path, trial: Trial) -> None:
     """Raise BadInputError where the reader would refuse what is to be written."""
+    check_attributes(path, trial)
     lengths = {name: len(values) for name in SIGNALS if (values := getattr(trial, name)) is not None}
     problems = {f"/signals/{name}": samples_problem(getattr(trial, name)) for name in lengths}
     problems["/phases"] = phases_problem(trial.phases, trial.n_samples)
@@ -71,6 +72,15 @@ def check_trial(path: Path, trial: Trial) -> None:
     for where, problem in problems.items():
         if problem:
             raise BadInputError(f"{path}: {where} {problem}: the trial is not written")
+
+
+def check_attributes(path: Path, trial: Trial) -> None:
+    """Raise BadInputError where the reader would refuse an attribute of a trial."""
+    for group, values in _values(trial).items():
+        for attribute, value in _stated(group, values):
+            wrong = attribute.check(value) if attribute.check else None
+            if wrong:
+                raise BadInputError(f"{path}: {attribute.where} is {value!r:.60}: it {wrong}")
 
 
 def replace_trial(path: Path, trial: Trial) -> None:
@@ -169,25 +179,12 @@ def write_contents(file: Any, trial: Trial) -> None:
 
 def write_attributes(file: Any, trial: Trial) -> None:
     """Write the groups, their attributes, the log and the protocol's text: all but samples and tables."""
-    root = {"format": FORMAT, "format_version": FORMAT_VERSION} | {
-        attribute.name: getattr(trial, attribute.name)
-        for attribute in attributes_of("/")
-        if hasattr(trial, attribute.name)
-    }
-    root["software"] = trial.software or SOFTWARE
-    root["software_version"] = trial.software_version or software_version()
-    if not trial.discarded:
-        del root["discarded"]
-    _set(file, "/", root)
-    _set(file, "/signals", {"sample_rate_hz": trial.sample_rate_hz})
-    errors = {f"{name}_se": error for name, error in trial.calibration.standard_errors.items()}
-    _set(file, "/calibration", _fields(trial.calibration, "/calibration") | errors)
-    if trial.surface is not None:
-        _set(file, "/surface", _fields(trial.surface, "/surface"))
-    _set(file, "/protocol", _fields(trial.protocol, "/protocol"))
+    for group, values in _values(trial).items():
+        target = file.require_group(group)
+        for attribute, value in _stated(group, values):
+            target.attrs[attribute.name] = np.int64(value) if attribute.type is int else value
     if trial.protocol.toml:
         file["protocol"].create_dataset("toml", data=writable(trial.protocol.toml), dtype=h5py.string_dtype())
-    _set(file, "/specimen", _fields(trial.specimen, "/specimen"))
     file.create_dataset(
         "log", data=np.array([*map(writable, trial.log)], dtype=object), dtype=h5py.string_dtype()
     )
@@ -219,26 +216,36 @@ def event_rows(events: Sequence[Event], capacity: int = 0, message_width: int = 
     return rows
 
 
+def _values(trial: Trial) -> dict[str, dict[str, Any]]:
+    """Return what a trial says of each group's attributes; None stands for not known."""
+    root = _fields(trial, "/") | {"format": FORMAT, "format_version": FORMAT_VERSION}
+    root["software"] = trial.software or SOFTWARE
+    root["software_version"] = trial.software_version or software_version()
+    root["discarded"] = trial.discarded or None
+    errors = {f"{name}_se": error for name, error in trial.calibration.standard_errors.items()}
+    values = {
+        "/": root,
+        "/signals": {"sample_rate_hz": trial.sample_rate_hz},
+        "/calibration": _fields(trial.calibration, "/calibration") | errors,
+        "/protocol": _fields(trial.protocol, "/protocol"),
+        "/specimen": _fields(trial.specimen, "/specimen"),
+    }
+    if trial.surface is not None:
+        values["/surface"] = _fields(trial.surface, "/surface")
+    return values
+
+
 def _fields(part: object, group: str) -> dict[str, Any]:
     return {a.name: getattr(part, a.name) for a in attributes_of(group) if hasattr(part, a.name)}
 
 
-def _set(file: Any, group: str, values: dict[str, Any]) -> None:
-    """Set the attributes of a group in the table's order; what is not known is not written."""
-    target = file.require_group(group)
+def _stated(group: str, values: dict[str, Any]) -> Iterator[tuple[Attribute, Any]]:
+    """Yield the attributes that are known, in the table's order, each of its declared type."""
     for attribute in attributes_of(group):
         value = values.get(attribute.name)
         if value is None or (isinstance(value, float) and math.isnan(value) and not attribute.required):
             continue
-        target.attrs[attribute.name] = _stored(attribute, value)
-
-
-def _stored(attribute: Attribute, value: Any) -> Any:
-    stored = writable(str(value)) if attribute.type is str else attribute.type(value)
-    wrong = attribute.check(stored) if attribute.check else None
-    if wrong:
-        raise BadInputError(f"trial to be written: {attribute.where} is {value!r:.60}: it {wrong}")
-    return np.int64(stored) if attribute.type is int else stored
+        yield attribute, writable(str(value)) if attribute.type is str else attribute.type(value)
 
 
 def writable(text: str) -> str:

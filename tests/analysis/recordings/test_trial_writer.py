@@ -108,6 +108,13 @@ def test_a_trial_never_overwrites_another(tmp_path, a_header):
     assert [(p.name, p.read_bytes()) for p in tmp_path.iterdir()] == [("t.h5", b"precious")]
 
 
+def test_a_header_that_could_not_be_read_is_refused_before_the_trial(tmp_path, a_header):
+    for changes in ({"sample_rate_hz": float("nan")}, {"kind": "poke"}, {"started": "noon"}):
+        with pytest.raises(BadInputError, match="it must"):
+            TrialWriter(tmp_path / "t.h5", a_header(**changes), 10)
+    assert not list(tmp_path.iterdir())
+
+
 def test_wrong_chunks_and_phases_are_refused_and_do_no_harm(tmp_path, a_header):
     with TrialWriter(tmp_path / "t.h5", a_header(), 10) as writer:
         writer.append([1.0], [2.0], [3.0])

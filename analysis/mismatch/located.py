@@ -24,6 +24,7 @@ EFFECT_SHARE = 0.03
 EFFECT_LEVEL = 0.1
 LARGER = 1.5
 CLEAR = 4.0
+FAR_OUT = 8.0
 
 
 @dataclass(frozen=True)
@@ -48,19 +49,32 @@ def residual_of(problem: Problem, fit: JointFit) -> Residual:
 
 
 def force_windows(
-    trials: Sequence[CellTrial], residual: Residual, bin_p: FloatArray, total: float, *, all_of_them: bool = False
+    trials: Sequence[CellTrial],
+    residual: Residual,
+    bin_p: FloatArray,
+    total: float,
+    *,
+    whole_p: float,
+    all_of_them: bool = False,
 ) -> tuple[Window, ...]:
     """Return the windows of significant force residual, largest first.
 
-    ``bin_p`` (2, B): p-values of the bins, plain and with depth; ``total`` the energy that shares refer to.
-    Windows of less than a hundredth are left out (but for the largest), unless ``all_of_them``.
+    ``bin_p`` (2, B): p-values of the bins, plain and with depth, all tested together; ``total`` the energy that
+    shares refer to. ``whole_p``: p-value of the residual as a whole. Where that is significant, bins whose repeatable
+    energy stands far out of their scatter count too, with this p-value: an effect that lies in other bins in every
+    condition (contact is lost at another depth) is unanimous in none. Windows of less than a hundredth are left out
+    (but for the largest), unless ``all_of_them``.
     """
     found = []
-    for bins in _merged(np.min(bin_p, axis=0) <= LEVEL, residual.profiles.count.sum(axis=0)[:OUTSIDE] > 0):
+    significant = np.min(bin_p, axis=0) <= LEVEL
+    if whole_p <= LEVEL:
+        significant |= standing_out(residual, total)
+    for bins in _merged(significant, residual.profiles.count.sum(axis=0)[:OUTSIDE] > 0):
         energy = max(float(residual.energy[bins].sum()), 0.0)
         samples = float(residual.profiles.count[:, bins].sum())
         mean = float((residual.profiles.mean * residual.profiles.count)[:, bins].sum()) / samples
-        start, stop = _times(residual.profiles, bins)
+        start, stop = _times(residual.profiles, bins, residual.white_mn)
+        smallest = float(bin_p[:, bins].min())
         found.append(
             Window(
                 signal="force",
@@ -68,7 +82,7 @@ def force_windows(
                 start_s=start,
                 stop_s=stop,
                 mean_residual_mn=mean,
-                p_value=float(bin_p[:, bins].min()),
+                p_value=smallest if smallest <= LEVEL else whole_p,
                 share_of_mismatch=min(1.0, energy / max(total, 1e-12)),
                 conditions=conditions_in_words(trials, residual, bins, bool(bin_p[1, bins].min() <= LEVEL)),
                 rms_mn=float(np.sqrt(energy * residual.white_mn**2 / samples)),
@@ -93,8 +107,30 @@ def _merged(significant: NDArray[np.bool_], present: NDArray[np.bool_]) -> list[
     return [[b for b in range(g[0], g[-1] + 1) if present[b]] for g in groups]
 
 
-def _times(profiles: Profiles, bins: Sequence[int]) -> tuple[float, float]:
-    start, stop = profiles.start_s[:, bins], profiles.stop_s[:, bins]
+def standing_out(residual: Residual, total: float) -> NDArray[np.bool_]:
+    """Return the bins (B,) that hold a part of the repeatable energy worth the name, far outside their own scatter."""
+    u = residual.profiles.standardised(residual.white_mn)[:, :OUTSIDE]
+    labels = np.asarray(residual.profiles.conditions)
+    scatter, spare, pairs = np.zeros(OUTSIDE), 0, 0.0
+    for label in np.unique(labels):
+        part = u[labels == label]
+        if len(part) > 1:
+            scatter += ((part - part.mean(axis=0)) ** 2).sum(axis=0)
+            spare += len(part) - 1
+            pairs += 2.0 * len(part) / (len(part) - 1)
+    variance = np.maximum(scatter / spare, 1.0) if spare else np.ones(OUTSIDE)
+    # energy of noise: mean 0, variance 2 n / (n - 1) a condition of n repeats, in units of the scatter squared
+    noise = variance * np.sqrt(max(pairs, 4.0))
+    return np.asarray((residual.energy > FAR_OUT * noise) & (residual.energy > SMALLEST_SHARE * total))
+
+
+def _times(profiles: Profiles, bins: Sequence[int], noise: float | None = None) -> tuple[float, float]:
+    """Return where bins lie, the median over trials; with ``noise``, only those that are clear in each trial."""
+    start, stop = profiles.start_s[:, bins].copy(), profiles.stop_s[:, bins].copy()
+    if noise is not None:
+        clear = np.abs(profiles.standardised(noise)[:, bins]) > CLEAR
+        for times in (start, stop):
+            times[clear.any(axis=1)[:, None] & ~clear] = np.nan
     here = ~np.all(np.isnan(start), axis=1)
     return (
         float(np.median(np.nanmin(start[here], axis=1))),
@@ -127,7 +163,9 @@ def conditions_in_words(
     if not unit:
         return ("every condition" if clear.all() else "some conditions only") + only + order
     signs = {float(np.sign(m)) for m in means[clear]}
-    ends = f" ({means[0]:+.2g} mN at {measures[0]:.2g} {unit}, {means[-1]:+.2g} mN at {measures[-1]:.2g} {unit})"
+    ends = (
+        f" ({means[0]:+.2g} mN at {measures[0]:.2g} {unit}, {means[-1]:+.2g} mN at {measures[-1]:.2g} {unit})"
+    )
     if len(signs) == 2:
         return f"changes sign with {what}{ends}{only}{order}"
     if with_depth and clear[-1] and abs(means[-1]) > LARGER * abs(means[0]):
@@ -195,7 +233,11 @@ def effect_windows(
     For effects whose residual has no mean over trials. ``total`` is the energy that shares refer to; phases with
     less than ``share`` of the effect's own energy are left out.
     """
-    energy, samples, total_residual = np.zeros(len(PHASE_NAMES)), np.zeros(len(PHASE_NAMES)), np.zeros(len(PHASE_NAMES))
+    energy, samples, total_residual = (
+        np.zeros(len(PHASE_NAMES)),
+        np.zeros(len(PHASE_NAMES)),
+        np.zeros(len(PHASE_NAMES)),
+    )
     spans: dict[int, list[tuple[float, float]]] = {}
     for j, (trial, effect) in enumerate(zip(problem.trials, effects, strict=True)):
         largest = float(np.max(np.abs(effect))) if len(effect) else 0.0
@@ -240,7 +282,9 @@ def effect_windows(
     return tuple(sorted(found, key=lambda w: -w.share_of_mismatch))
 
 
-def position_windows(trials: Sequence[CellTrial], finding: PositionFinding, bins: NDArray[np.int64]) -> tuple[Window, ...]:
+def position_windows(
+    trials: Sequence[CellTrial], finding: PositionFinding, bins: NDArray[np.int64]
+) -> tuple[Window, ...]:
     """Return the windows of the position channel that lie in ``bins``, largest first."""
     used = [replace(t, fitted=np.ones(len(t.time_s), dtype=bool)) for t in trials if t.has_command]
     if not used or not len(bins):
@@ -268,5 +312,3 @@ def position_windows(trials: Sequence[CellTrial], finding: PositionFinding, bins
             )
         )
     return tuple(sorted(found, key=lambda w: -w.share_of_mismatch))[:MOST_WINDOWS]
-
-

@@ -1,0 +1,101 @@
+"""`indenter diagnose`: from trial files to the report, the twin and the next protocol."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from analysis.errors import BadInputError
+
+FILES = ("report.html", "report.json", "twin.toml", "next.toml")
+BASELINES = ("ramp", "step")
+
+
+def diagnose_paths(
+    paths: Sequence[Path], *, baseline: str = "ramp", out: Path, seed: int = 0, tolerance_mn: float = 0.3
+) -> Path:
+    """Compare simulation and recordings, and write what was found into ``out``; return the page's path.
+
+    Writes `report.json`, `report.html`, figures, `twin.toml`, and `next.toml` where something needs separating: all
+    of them, or on failure nothing. ``tolerance_mn`` (rms): what a law may leave over in any window without being
+    called unknown. Raises BadInputError, one line, for trials that can't be diagnosed.
+    """
+    if baseline not in BASELINES:
+        raise BadInputError(f"baseline {baseline!r} is unknown: use ramp or step")
+    if not tolerance_mn > 0:
+        raise BadInputError(f"tolerance {tolerance_mn:g} mN can't be met: give one above 0")
+    if out.exists() and not out.is_dir():
+        raise BadInputError(f"{out}: is a file: choose another --out")
+    from analysis.mismatch.diagnosis import diagnose
+    from analysis.mismatch.intake import take_in
+    from analysis.recordings import find_trials
+
+    files = find_trials(paths)
+    with _status(f"Reading {len(files)} files") as say:
+        taken = take_in(files, hold_only=baseline == "step")
+        say(
+            f"Comparing {len(taken.trials)} trials with the simulation, and with every mechanism of the library"
+        )
+        diagnosis = diagnose(taken, baseline=baseline, seed=seed)
+        say("Writing the report")
+        with _together(out) as folder:
+            _write(folder, diagnosis, baseline=baseline, seed=seed, tolerance_mn=tolerance_mn)
+    return out / FILES[0]
+
+
+def _write(folder: Path, diagnosis: Any, *, baseline: str, seed: int, tolerance_mn: float) -> None:
+    from analysis.mismatch.propose import propose
+    from analysis.mismatch.report_figures import draw_figures
+    from analysis.mismatch.report_page import write_page
+    from analysis.mismatch.twin import write_twin
+    from analysis.mismatch.verdict import make_report
+    from analysis.mismatch.wording import summary
+
+    report = make_report(diagnosis, baseline=baseline, seed=seed, tolerance_mn=tolerance_mn)
+    report = replace(report, next_experiment=propose(diagnosis, report, folder / "next.toml"))
+    report = replace(report, summary=summary(report))
+    write_twin(folder / "twin.toml", diagnosis, report)
+    figures = draw_figures(folder, diagnosis, report)
+    write_page(folder / "report.html", report, figures)
+    text = json.dumps(report.as_json(), indent=1, allow_nan=False, ensure_ascii=False)
+    (folder / "report.json").write_text(text + "\n", encoding="utf-8")
+
+
+@contextmanager
+def _status(words: str) -> Iterator[Any]:
+    """Show what is being done, on stderr, where that is a terminal."""
+    from rich.console import Console
+
+    console = Console(stderr=True)
+    with console.status(words) as status:
+        yield status.update
+
+
+@contextmanager
+def _together(out: Path) -> Iterator[Path]:
+    """Write into a folder beside the target, and move its files there only when all of them exist."""
+    made = not out.exists()
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise BadInputError(f"{out}: can't be made ({error.strerror}): choose another --out") from error
+    finished = False
+    try:
+        with tempfile.TemporaryDirectory(prefix=".diagnosis-", dir=out) as folder:
+            yield Path(folder)
+            for name in FILES:
+                (out / name).unlink(missing_ok=True)  # of an earlier diagnosis, which may have had others
+            for file in sorted(Path(folder).iterdir()):
+                shutil.move(file, out / file.name)
+            finished = True
+    except OSError as error:
+        raise BadInputError(f"{out}: can't be written to ({error.strerror}): choose another --out") from error
+    finally:
+        if made and not finished and out.is_dir() and not any(out.iterdir()):
+            out.rmdir()

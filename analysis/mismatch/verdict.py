@@ -1,0 +1,349 @@
+"""From a diagnosis to a report: verdict, windows, mechanisms, what may hide, and how sure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from analysis.mismatch import located, quantities, wording
+from analysis.mismatch.confirm import HeldOut
+from analysis.mismatch.diagnosis import Diagnosis
+from analysis.mismatch.joint import JointFit
+from analysis.mismatch.located import Residual, residual_of
+from analysis.mismatch.profiles import OUTSIDE
+from analysis.mismatch.report import (
+    Comparison,
+    FoundMechanism,
+    NextExperiment,
+    NotIdentifiable,
+    Quantity,
+    Remainder,
+    Report,
+    Verdict,
+    Window,
+)
+from analysis.mismatch.search import LEVEL, Candidate, Look
+from analysis.mismatch.signatures import accumulate
+from analysis.mismatch.signflip import flip_test
+from analysis.mismatch.surface_motion import in_contact
+from analysis.simulation.mechanism import library
+
+SMALL_REMAINDER = 0.10
+SERVO_EXPLAINS = 0.7
+
+
+@dataclass(frozen=True)
+class Explained:
+    """One chosen mechanism: its place among the fit's additions (None: not among them) and its candidate."""
+
+    candidate: Candidate
+    place: int | None
+    alternatives: tuple[str, ...]
+
+
+def chosen_of(diagnosis: Diagnosis) -> list[Explained]:
+    """Return the chosen mechanisms, the one with the largest held-out gain first."""
+    names = [a.mechanism.name for a in diagnosis.improved.simulation.additions]
+    found = [
+        Explained(c, names.index(c.mechanism.name) if c.mechanism.name in names else None, other)
+        for c, other in zip(diagnosis.named.chosen, diagnosis.alternatives, strict=True)
+    ]
+    return sorted(found, key=lambda e: -e.candidate.total_gain)
+
+
+def servo_named(diagnosis: Diagnosis) -> bool:
+    """Whether another servo is seen in the position channel, and explains most of what differs there."""
+    position = diagnosis.position
+    return position is not None and position.p_value <= LEVEL and position.explained >= SERVO_EXPLAINS
+
+
+def restless(look: Look) -> bool:
+    """Whether anything is significant: a law, a window, an event, or an oscillation at any frequency."""
+    return smallest_p(look) <= LEVEL
+
+
+def smallest_p(look: Look, more: Sequence[float] = ()) -> float:
+    """Return the p-value of a residual as a whole: the smallest of all that were tested together."""
+    found = [*look.p_of.values(), float(look.bin_p.min()), *more]
+    if look.spectrum_p.size:
+        found.append(float(look.spectrum_p.min()))
+    return float(min(found))
+
+
+@dataclass(frozen=True)
+class _Places:
+    """Where simulation and recordings differ, before and after, and how much energy there was."""
+
+    before: tuple[Window, ...]
+    after: tuple[Window, ...]
+    total: float
+    left: float
+
+
+def make_report(
+    diagnosis: Diagnosis,
+    *,
+    baseline: str,
+    seed: int,
+    tolerance_mn: float,
+    next_experiment: NextExperiment | None = None,
+) -> Report:
+    """Put a diagnosis into the words and numbers of the report."""
+    places = _locate(diagnosis)
+    mechanisms = _mechanisms(diagnosis)
+    remainder = _remainder(places)
+    verdict = _verdict(diagnosis, places, mechanisms, remainder, tolerance_mn)
+    position = _position_windows(diagnosis)
+    mismatch = () if verdict == "no_mismatch" else places.before + position
+    if verdict == "unknown" and mechanisms:
+        mismatch = _remainder_first(places, mismatch)
+    before, after = (
+        quantities.shared_quantities(diagnosis.problem, fit)[0]
+        for fit in (diagnosis.baseline, diagnosis.improved)
+    )
+    heldout, explained = _compare(diagnosis, diagnosis.confirmed), _explained_share(diagnosis, places)
+    report = Report(
+        verdict=verdict,
+        summary="",
+        n_trials=len(diagnosis.problem.trials),
+        sample_rate_hz=diagnosis.problem.trials[0].sample_rate_hz,
+        baseline=baseline,
+        mismatch=mismatch,
+        mechanisms=mechanisms,
+        not_identifiable=_not_identifiable(diagnosis),
+        baseline_parameters=before,
+        improved_parameters=after,
+        heldout=heldout,
+        heldout_condition=None
+        if diagnosis.confirmed_condition is None
+        else _compare(diagnosis, diagnosis.confirmed_condition),
+        explained_share=explained,
+        remainder=remainder if verdict in ("named", "one_of") else None,
+        next_experiment=next_experiment,
+        left_out=diagnosis.intake.left_out,
+        tolerance_mn=tolerance_mn,
+        seed=seed,
+    )
+    return replace(report, summary=wording.summary(report))
+
+
+def _locate(diagnosis: Diagnosis) -> _Places:
+    problem, named = diagnosis.problem, diagnosis.named
+    before, after = residual_of(problem, diagnosis.baseline), residual_of(problem, diagnosis.improved)
+    latent = {e.place: quantities.effect_of(problem, diagnosis.improved, e.place)
+              for e in chosen_of(diagnosis) if e.place is not None and e.candidate.mechanism.form != "law"
+              and diagnosis.improved.simulation.additions[e.place].latent is not None}  # fmt: skip
+    trials = problem.trials
+    in_latent = sum(
+        float(t.counts @ e**2) for effects in latent.values() for t, e in zip(trials, effects, strict=True)
+    )
+    total = before.total + in_latent / problem.white_mn**2
+    first_p = named.first_look.bin_p
+    if diagnosis.named.chosen and diagnosis.named.chosen[0].mechanism.form == "ramp":
+        first_p = _bin_p_of(diagnosis, diagnosis.baseline)
+    whole_p = smallest_p(named.first_look, [c.p_value for c in named.chosen])
+    windows = located.force_windows(trials, before, first_p, total, whole_p=whole_p)
+    for e in chosen_of(diagnosis):
+        if e.place in latent:
+            words = wording.latent_conditions(
+                problem, diagnosis.improved.simulation.additions[e.place], latent[e.place]
+            )
+            windows += located.effect_windows(
+                problem, diagnosis.baseline, latent[e.place], e.candidate.p_value, total, words
+            )
+    if not windows and named.chosen:
+        strongest = chosen_of(diagnosis)[0].candidate
+        windows = _difference_windows(
+            diagnosis, diagnosis.baseline, diagnosis.improved, strongest.p_value, total
+        )
+    if not windows and restless(named.first_look):
+        windows = _unexplained(diagnosis, before)
+    left: tuple[Window, ...] = ()
+    if named.chosen:
+        left = located.force_windows(
+            trials, after, named.last_look.bin_p, total, whole_p=smallest_p(named.last_look), all_of_them=True
+        )
+    return _Places(tuple(sorted(windows, key=lambda w: -w.share_of_mismatch)), left, total, after.total)
+
+
+def _bin_p_of(diagnosis: Diagnosis, fit: JointFit) -> np.ndarray:
+    """Return the p-values (2, B) of a fit's bins, all of them tested together."""
+    problem = diagnosis.problem
+    scores = accumulate(problem.trials, problem.whiteners, fit, []).bin_scores
+    test = flip_test(scores, np.zeros(scores.shape[1], dtype=bool), np.random.default_rng(0), LEVEL)
+    return test.p_value.reshape(2, OUTSIDE)
+
+
+def _difference_windows(
+    diagnosis: Diagnosis, before: JointFit, after: JointFit, p_value: float, total: float
+) -> tuple[Window, ...]:
+    """Return the phases in which one fit differs from another: for what is too weak to stand out of any one bin."""
+    problem = diagnosis.problem
+    effects = [problem.residual(before, j) - problem.residual(after, j) for j in range(len(problem.trials))]
+    return located.effect_windows(problem, before, effects, p_value, total, "every depth", share=0.15)
+
+
+def _unexplained(diagnosis: Diagnosis, before: Residual) -> tuple[Window, ...]:
+    """Return the place of what is significant as a whole, though no window of it is."""
+    look = diagnosis.named.first_look
+    if look.quiet and look.spectrum is not None:
+        at = int(np.argmin(look.spectrum_p))
+        touching = [
+            in_contact(t, o).astype(float)
+            for t, o in zip(diagnosis.problem.trials, diagnosis.baseline.own, strict=True)
+        ]
+        words = f"an oscillation near {look.spectrum.frequency_hz[at]:.2g} Hz while in contact"
+        p = float(look.spectrum_p[at])
+        return located.effect_windows(diagnosis.problem, diagnosis.baseline, touching, p, before.total, words)
+    name = min(look.p_of, key=lambda n: look.p_of[n])
+    considered = [c for step in diagnosis.named.considered[:1] for c in step]
+    best = next((c for c in considered if c.mechanism.name == name), considered[0] if considered else None)
+    p_value = float(look.p_of[name])
+    if best is not None:
+        return _difference_windows(diagnosis, diagnosis.baseline, best.fit, p_value, before.total)
+    mechanism = library()[name]
+    effects = [
+        np.asarray(t.in_phase("hold") | t.in_phase("dwell"), dtype=float) for t in diagnosis.problem.trials
+    ]
+    words = f"looks most like {mechanism.name.replace('_', ' ')}"
+    return located.effect_windows(
+        diagnosis.problem, diagnosis.baseline, effects, p_value, before.total, words
+    )
+
+
+def _position_windows(diagnosis: Diagnosis) -> tuple[Window, ...]:
+    position = diagnosis.position
+    if position is None:
+        return ()
+    bins = position.unknown_bins
+    if servo_named(diagnosis) and not len(bins):
+        bins = np.flatnonzero(position.bin_p <= LEVEL)
+        if not len(bins):
+            bins = np.array([int(np.argmax(np.abs(position.profile_mm)))])
+    return located.position_windows(diagnosis.problem.trials, position, bins)
+
+
+def _remainder_first(places: _Places, mismatch: tuple[Window, ...]) -> tuple[Window, ...]:
+    """Put the windows of what remains unexplained before those of what was found."""
+    remaining = {(w.phase, round(w.start_s, 3)) for w in places.after}
+    return (
+        *sorted(places.after, key=lambda w: -w.share_of_mismatch)[: located.MOST_WINDOWS],
+        *(w for w in mismatch if (w.phase, round(w.start_s, 3)) not in remaining),
+    )
+
+
+def _remainder(places: _Places) -> Remainder | None:
+    if not places.after:
+        return None
+    return Remainder(
+        share=float(sum(w.share_of_mismatch for w in places.after)),
+        rms_mn=float(max(w.rms_mn or 0.0 for w in places.after)),
+        where=places.after,
+    )
+
+
+def _verdict(
+    diagnosis: Diagnosis,
+    places: _Places,
+    mechanisms: tuple[FoundMechanism, ...],
+    remainder: Remainder | None,
+    tolerance_mn: float,
+) -> Verdict:
+    position = diagnosis.position
+    lever_unknown = position is not None and len(position.unknown_bins) > 0 and not servo_named(diagnosis)
+    too_much = remainder is not None and (
+        remainder.share >= SMALL_REMAINDER or remainder.rms_mn >= tolerance_mn
+    )
+    force_unknown = not diagnosis.named.chosen and restless(diagnosis.named.first_look)
+    if lever_unknown or too_much or force_unknown:
+        return "unknown"
+    if not mechanisms:
+        return "no_mismatch"
+    return "one_of" if any(m.alternatives for m in mechanisms) else "named"
+
+
+def _mechanisms(diagnosis: Diagnosis) -> tuple[FoundMechanism, ...]:
+    problem, fit = diagnosis.problem, diagnosis.improved
+    _, of_additions = quantities.shared_quantities(problem, fit)
+    chosen = chosen_of(diagnosis)
+    gains = sum(max(e.candidate.total_gain, 0.0) for e in chosen)
+    found = []
+    for e in chosen:
+        m = e.candidate.mechanism
+        found_quantities: dict[str, Quantity] = {}
+        if e.place is not None and m.form == "law":
+            found_quantities = of_additions[e.place]
+        elif e.place is not None and fit.simulation.additions[e.place].latent is not None:
+            found_quantities = quantities.latent_quantities(problem, fit, e.place)
+        found.append(
+            FoundMechanism(
+                name=m.name,
+                stage=m.stage,
+                alternatives=e.alternatives,
+                p_value=float(e.candidate.p_value),
+                parameters=found_quantities,
+                explanation=wording.explanation(m, found_quantities, e.alternatives),
+                share_of_mismatch=max(e.candidate.total_gain, 0.0) / max(gains, 1e-12),
+            )
+        )
+    if servo_named(diagnosis) and diagnosis.position is not None:
+        m = library()[quantities.SERVO]
+        servo = quantities.servo_quantities(diagnosis)
+        found.append(
+            FoundMechanism(m.name, m.stage, (), diagnosis.position.p_value, servo, wording.explanation(m, servo, ()),
+                           diagnosis.position.explained)
+        )  # fmt: skip
+    return tuple(found)
+
+
+def _not_identifiable(diagnosis: Diagnosis) -> tuple[NotIdentifiable, ...]:
+    listed = {name for others in diagnosis.alternatives for name in others}
+    return tuple(
+        NotIdentifiable(a.mechanism.name, wording.hidden(a), a.mechanism.separated_by)
+        for a in diagnosis.absorbed
+        if a.mechanism.name not in listed
+    )
+
+
+def noise_floor_mn(diagnosis: Diagnosis) -> float:
+    """Return the noise (mN rms a sample) measured from repeats: what is left, less what of it repeats."""
+    problem, fit = diagnosis.problem, diagnosis.improved
+    total, samples = 0.0, 0.0
+    for j in range(len(problem.trials)):
+        r = problem.full_residual(fit, j)
+        total += float(r @ r) * len(r) / max(len(r) - len(fit.latents[j]) - 2, 1)
+        samples += len(r)
+    repeats = max(float(problem.repeatable(fit).sum()), 0.0) * problem.white_mn**2
+    return float(np.sqrt(max(total - repeats, 0.25 * total) / samples))
+
+
+def _compare(diagnosis: Diagnosis, held: HeldOut) -> Comparison:
+    floor = noise_floor_mn(diagnosis)
+    before = float(np.mean(held.baseline_ms))
+    # nothing was added: both are the same simulation, and their figures are the same figures
+    after = float(np.mean(held.improved_ms)) if diagnosis.named.chosen else before
+    return Comparison(
+        scheme=held.scheme,
+        n_trials=len(held.trials),
+        noise_floor_mn=floor,
+        baseline_rms_mn=float(np.sqrt(before)),
+        improved_rms_mn=float(np.sqrt(after)),
+        baseline_chi2=before / floor**2,
+        improved_chi2=after / floor**2,
+        p_value=float(held.p_value) if diagnosis.named.chosen else 1.0,
+    )
+
+
+def _explained_share(diagnosis: Diagnosis, places: _Places) -> float:
+    """Return what share of the mismatch is explained; of what never repeats, from held-out errors above the floor."""
+    if not diagnosis.named.chosen:
+        return 0.0
+    if all(c.mechanism.form in ("law", "ramp") for c in diagnosis.named.chosen):
+        share = 1.0 - places.left / max(places.total, 1e-12)
+    else:
+        floor2 = noise_floor_mn(diagnosis) ** 2
+        before, after = np.mean(diagnosis.confirmed.baseline_ms), np.mean(diagnosis.confirmed.improved_ms)
+        share = 1.0 - float((after - floor2) / max(before - floor2, 1e-12))
+    return float(np.clip(share, 0.0, 1.0))

@@ -1,0 +1,229 @@
+"""The report's sentences, for a person at the bench."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.mismatch.diagnosis import Absorbed
+from analysis.mismatch.joint import Addition
+from analysis.mismatch.report import NotIdentifiable, Quantity, Report, Window
+from analysis.mismatch.search import Problem
+from analysis.mismatch.signatures import FEW_TRIALS
+from analysis.simulation.mechanism import Mechanism, library
+
+FloatArray = NDArray[np.float64]
+
+TISSUE_WORDS = {
+    "k0_mn_per_mm": "k0",
+    "k1_mn_per_mm": "k1",
+    "tau1_s": "tau1",
+    "k2_mn_per_mm": "k2",
+    "tau2_s": "tau2",
+}
+WORTH_SAYING = 0.01
+
+
+def spoken(name: str) -> str:
+    """Return a mechanism's name as it is spoken."""
+    return name.replace("_", " ")
+
+
+def symbol(name: str) -> str:
+    """Return a parameter's name without its unit, as it is spoken."""
+    for ending in (
+        "_mn_per_mm", "_mn_s_per_mm", "_um_per_mn", "_mn_per_s", "_per_mm", "_to_k0", "_rad_s",
+        "_mn", "_um", "_mm", "_ms", "_hz", "_s", "_g",
+    ):  # fmt: skip
+        if name.endswith(ending):
+            return spoken(name.removesuffix(ending))
+    return spoken(name)
+
+
+def with_error(q: Quantity) -> str:
+    """Return value, error and unit, the value rounded to its error's second digit."""
+    unit = "" if q.unit == "1" else f" {q.unit}"
+    if not np.isfinite(q.se) or q.se <= 0:
+        return f"{q.value:.4g}{unit}"
+    decimals = int(1 - np.floor(np.log10(q.se)))
+    if decimals > 5 or decimals < -3 or abs(q.value) >= 1e5:
+        return f"{q.value:.5g} ± {q.se:.2g}{unit}"
+    return f"{q.value:.{max(decimals, 0)}f} ± {q.se:.{max(decimals, 0)}f}{unit}"
+
+
+def chance(p_value: float) -> str:
+    """Return a p-value as it is read: no more digits than it deserves."""
+    return "< 0.0001" if p_value < 1e-4 else f"{p_value:.1g}"
+
+
+def listed(items: Sequence[str], last: str = "and") -> str:
+    """Join words as a sentence does."""
+    if len(items) < 2:
+        return "".join(items)
+    return f"{', '.join(items[:-1])} {last} {items[-1]}"
+
+
+def explanation(mechanism: Mechanism, found: Mapping[str, Quantity], alternatives: Sequence[str]) -> str:
+    """Say what a mechanism is and how large it was found."""
+    text = mechanism.words[:1].upper() + mechanism.words[1:]
+    if found:
+        text += ": " + listed([f"{symbol(name)} {with_error(q)}" for name, q in found.items()])
+    text += "."
+    if alternatives:
+        names = listed([spoken(n) for n in alternatives], "or")
+        text += f" These trials can't tell it from {names}; {separated_by(mechanism)} would."
+    return text
+
+
+def separated_by(mechanism: Mechanism) -> str:
+    """Say which run tells a mechanism from others."""
+    words = spoken(mechanism.separated_by)
+    article = {
+        "rigid target": "a run on a rigid target",
+        "air sweep": "an air sweep",
+        "smaller depth": "a smaller depth",
+    }
+    return article.get(words, words)
+
+
+def hidden(absorbed: Absorbed) -> str:
+    """Say what a mechanism that can't be seen would do to the tissue's parameters."""
+    m = absorbed.mechanism
+    p = m.parameter(m.amplitude)
+    size = f"{absorbed.values[m.amplitude]:g} {'' if p.unit == '1' else p.unit}".strip()
+    shifts = sorted(absorbed.shift_percent.items(), key=lambda item: -abs(item[1]))
+    told = [_shift(name, percent) for name, percent in shifts[:2] if abs(percent) > 100 * WORTH_SAYING]
+    what = f"{symbol(m.amplitude)} of {size}"
+    if not told:
+        return f"{what} leaves no trace in these trials, and hardly touches the tissue's parameters"
+    return f"the fitted tissue takes its place: {what} would hide here and make {listed(told)}"
+
+
+def _shift(name: str, percent_linear: float) -> str:
+    percent = 100.0 * float(np.expm1(np.clip(percent_linear / 100.0, -3.0, 3.0)))
+    word = (
+        ("stiffer" if percent > 0 else "softer")
+        if name.startswith("k")
+        else "longer"
+        if percent > 0
+        else "shorter"
+    )
+    return f"{TISSUE_WORDS.get(name, name)} look {abs(percent):.2g} % {word}"
+
+
+def latent_conditions(problem: Problem, addition: Addition, effects: Sequence[FloatArray]) -> str:
+    """Say in which trials an oscillation or an event shows."""
+    n = sum(bool(np.any(e)) for e in effects)
+    if addition.mechanism.form == "event":
+        return f"in {n} of {len(problem.trials)} trials"
+    frequency = addition.values.get("frequency_hz", 0.0)
+    where = "every trial" if addition.wave is not None else "every depth"
+    return f"{where}, at {frequency:.3g} Hz, phase not locked to the trial"
+
+
+def place(window: Window) -> str:
+    """Say where and how large a window is."""
+    when = f"in the {window.phase} ({window.start_s:.3g} to {window.stop_s:.3g} s)"
+    if window.signal == "position":
+        return f"{when}, the position is off by {window.mean_residual_um or 0.0:+.2g} um"
+    if window.mean_residual_mn is not None and abs(window.mean_residual_mn) > 0.5 * (window.rms_mn or 0.0):
+        return f"{when}, by {window.mean_residual_mn:+.2g} mN on average"
+    return f"{when}, by {window.rms_mn or 0.0:.2g} mN rms"
+
+
+def bias_words(report: Report, least: float = 0.01) -> str:
+    """Say what the mismatch had done to the tissue's parameters, the largest two."""
+    moved = []
+    for name, spoken_name in TISSUE_WORDS.items():
+        before, after = report.baseline_parameters.get(name), report.improved_parameters.get(name)
+        if before is None or after is None or after.value == 0:
+            continue
+        change = before.value / after.value - 1.0
+        if abs(change) > least and abs(before.value - after.value) > 3.0 * max(after.se, 1e-12):
+            moved.append((abs(change), f"{spoken_name} by {100 * change:+.2g} %"))
+    moved.sort(reverse=True)
+    return listed([text for _, text in moved[:3]])
+
+
+def summary(report: Report) -> str:
+    """Return one to three sentences: what differs, what was left out, how sure, what it did, what next."""
+    said = [_headline(report)]
+    if report.verdict != "no_mismatch" and report.mechanisms:
+        bias = bias_words(report)
+        if bias:
+            said.append(f"Left out, it had shifted the tissue's {bias}.")
+    if report.n_trials < FEW_TRIALS:
+        said.append(
+            f"Only {report.n_trials} trial{'s were' if report.n_trials > 1 else ' was'} given: significance rests on blocks "
+            "within trials, taken as independent, and "
+            + ("nothing could be held out" if report.n_trials < 3 else "little could be held out")
+            + ", so slow noise may pass for an effect; record at least 8."
+        )
+    if report.verdict == "no_mismatch" and report.not_identifiable:
+        said.append(_hidden_words(report.not_identifiable))
+    if report.next_experiment is not None:
+        said.append(f"Next: {report.next_experiment.reason}")
+    return " ".join(said)
+
+
+def _headline(report: Report) -> str:
+    heldout = report.heldout
+    if report.verdict == "no_mismatch":
+        return (
+            f"The simulation explains {_trials(report)} to their noise ({heldout.noise_floor_mn:.2g} mN rms a sample): "
+            "nothing is missing that these recordings could show."
+        )
+    if report.verdict == "unknown":
+        if not report.mechanisms:
+            where = f" {place(report.mismatch[0])}" if report.mismatch else ""
+            return f"Simulation and recordings differ{where}, and no mechanism of the library explains it."
+        names = listed([spoken(m.name) for m in report.mechanisms])
+        where = f" {place(report.mismatch[0])}" if report.mismatch else ""
+        return f"{_capital(names)} {_was(report)} found, but something else differs{where} that no mechanism explains."
+    names = listed([f"{spoken(m.name)}{_size(m.parameters)}" for m in report.mechanisms])
+    sure = (
+        f"the error on trials that were not fitted falls from {heldout.baseline_rms_mn:.3g} to "
+        f"{heldout.improved_rms_mn:.3g} mN rms (noise {heldout.noise_floor_mn:.3g}; p {p_words(report)})"
+    )
+    if [m.stage for m in report.mechanisms] == ["lever"] and report.mechanisms[0].name == "servo_bandwidth":
+        sure = f"it shows in the recorded position (p {p_words(report)}), and the force given that position is explained"
+    if report.verdict == "named":
+        return f"The simulation left out {names}: {sure}."
+    rivals = sorted({spoken(a) for m in report.mechanisms for a in m.alternatives})
+    return (
+        f"The simulation left out {names}, or what looks the same in these trials ({listed(rivals, 'or')}): "
+        f"{sure}."
+    )
+
+
+def p_words(report: Report) -> str:
+    """Return the largest p-value of all that was named, with its sign."""
+    p = chance(max(m.p_value for m in report.mechanisms))
+    return p if p.startswith("<") else f"= {p}"
+
+
+def _trials(report: Report) -> str:
+    return "the trial" if report.n_trials == 1 else f"all {report.n_trials} trials"
+
+
+def _was(report: Report) -> str:
+    return "was" if len(report.mechanisms) == 1 else "were"
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def _size(parameters: Mapping[str, Quantity]) -> str:
+    for name, q in parameters.items():
+        return f" ({symbol(name)} {with_error(q)})"
+    return ""
+
+
+def _hidden_words(absorbed: Sequence[NotIdentifiable]) -> str:
+    names = listed([spoken(a.name) for a in absorbed[:3]])
+    tissue = "could still hide in the fitted tissue"
+    ways = listed(list(dict.fromkeys(separated_by(library()[a.name]) for a in absorbed[:3])), "or")
+    return f"{_capital(names)} {tissue}; {ways} would show {'it' if len(absorbed) == 1 else 'them'}."

@@ -92,6 +92,8 @@ class Block:
         time_s: bench time, (n,).
         trial_time_s: time since the trial began, negative before, (n,).
         step_s, substeps: length of a fine step, s, and how many make a sample.
+        touched_s: trial time of the first touch, infinite before; of use from half a second after it on,
+            since a block does not know what happens within itself.
         skin: True where the specimen is a finger.
         command_mm: where the motor was told to be, (n,).
         fine_position_mm, fine_velocity_mm_s, fine_acceleration_mm_s2: the motor.
@@ -104,6 +106,7 @@ class Block:
     trial_time_s: FloatArray
     step_s: float
     substeps: int
+    touched_s: float
     skin: bool
     command_mm: FloatArray
     fine_position_mm: FloatArray

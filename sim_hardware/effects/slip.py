@@ -10,12 +10,15 @@ from sim_hardware.parts import Block, FloatArray
 _SLIDE_S = 0.0015
 _STICK_S = 0.03
 _STICK = 0.15
+_LOADED_MN = 20.0
+_AFTER_LOAD_S = 0.5
 
 
 class Slip(Effect):
     """The force on the punch drops within milliseconds, once, in the hold.
 
-    Shows from the slip to the end of contact. The edge of the punch slides off a ridge: a share of the
+    Shows from the slip to the end of contact; it comes half a second after 20 mN were reached at the
+    earliest. The edge of the punch slides off a ridge: a share of the
     bearing area is lost, so that the force stays lower in proportion until the punch leaves. Rough: 15 % is
     won back within 30 ms as the skin sticks again; the time differs from trial to trial by ``scatter_s``.
     """
@@ -31,12 +34,14 @@ class Slip(Effect):
     )
     lost = -1.0  # share of the force that is lost, -1 before the slip
     at_s = 0.0
+    loaded_s = np.inf
     over = False
 
     def begin_trial(self, trial: int) -> None:
         """Draw when it slips."""
         scatter = self["scatter_s"] * self.rough * float(np.clip(self.random.standard_normal(), -2, 2))
         self.at_s, self.lost, self.over = self["time_s"] + scatter, -1.0, False
+        self.loaded_s = np.inf
 
     def drawn(self) -> dict[str, float]:
         """Return when it slips."""
@@ -46,8 +51,14 @@ class Slip(Effect):
         """Take the lost share off the force."""
         if not block.skin or self.over:
             return
-        since = block.fine_trial_time_s - self.at_s
-        force = block.fine_force_mn
+        time, force = block.fine_trial_time_s, block.fine_force_mn
+        if self.loaded_s == np.inf:
+            loaded = np.flatnonzero((force > _LOADED_MN) & (time >= 0))
+            if not len(loaded):
+                return
+            self.loaded_s = float(time[loaded[0]])
+            self.at_s = max(self.at_s, self.loaded_s + _AFTER_LOAD_S)
+        since = time - self.at_s
         started = np.flatnonzero(since >= 0)
         if not len(started):
             return

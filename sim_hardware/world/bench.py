@@ -229,6 +229,7 @@ class World:
             trial_time_s=trial,
             step_s=self._step_s,
             substeps=self._substeps,
+            touched_s=self.clock.touched_s,
             skin=self._specimen.skin,
             command_mm=command_mm,
             fine_position_mm=empty,
@@ -262,8 +263,8 @@ class World:
         surface[0] = self._surface_before
         surface[1:] = self._surface(block)
         block.fine_force_mn, block.fine_gap_mm = self._contact.advance(block.fine_tip_mm, surface)
-        if self.clock.waiting and block.fine_force_mn.any():
-            self.clock.touched()
+        if self.clock.touch is None and block.fine_force_mn.any():
+            self.clock.touched(self._index + int(np.flatnonzero(block.fine_force_mn)[0]) // self._substeps)
         for effect in self._hook["touch"]:
             effect.touch(block)
         if len(command_v):

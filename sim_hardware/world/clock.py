@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from sim_hardware.parts import SAMPLE_RATE_HZ, FloatArray
@@ -20,19 +22,27 @@ class TrialClock:
     def __init__(self) -> None:
         self.start: int | None = None
         self.waiting = True
+        self.touch: int | None = None
         self._moved_at = _LONG_AGO
 
     def reset(self) -> None:
         """Something new lies under the arm."""
-        self.start, self.waiting, self._moved_at = None, True, _LONG_AGO
+        self.start, self.touch, self.waiting, self._moved_at = None, None, True, _LONG_AGO
 
     def begin(self, index: int) -> None:
         """The trial begins now, whatever the arm does."""
-        self.start, self.waiting = index, False
+        self.start, self.touch, self.waiting = index, None, False
 
-    def touched(self) -> None:
+    def touched(self, index: int) -> None:
         """The arm has touched: it can set off no more."""
-        self.waiting = False
+        self.touch, self.waiting = index, False
+
+    @property
+    def touched_s(self) -> float:
+        """Trial time of the first touch, s; infinite before."""
+        if self.touch is None or self.start is None:
+            return math.inf
+        return (self.touch - self.start) / SAMPLE_RATE_HZ
 
     def cut(self, first: int, command_v: FloatArray, before_v: float) -> list[tuple[int, bool]]:
         """Return where pieces of a command begin, and whether the arm sets off there."""

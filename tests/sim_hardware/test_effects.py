@@ -456,3 +456,17 @@ def test_hunting_is_a_real_motion(bench: Any, quiet: Any) -> None:
     felt = (b.force_mn - a.force_mn)[a.phases["hold"]]
     assert moved.std() == pytest.approx(4e-3 / math.sqrt(3), rel=0.4)
     assert np.corrcoef(moved, felt)[0, 1] > 0.95
+
+
+@pytest.mark.parametrize("name", ["slip", "motion_artefact", "gain_step"])
+def test_an_event_waits_for_what_it_needs(bench: Any, quiet: Any, name: str) -> None:
+    """A time that comes too early is put off: a slip waits for the load, the others for the skin."""
+    share = {} if name == "slip" else {"share": 1.0}
+    (a,), (b,) = _pair(bench, quiet, _with(name, time_s=0.0, scatter_s=0.0, **share))
+    (effect,) = b.world.truth()["effects"]
+    touched_s = float(np.flatnonzero(a.force_mn > 0)[0]) / 8000
+    loaded_s = float(np.flatnonzero(a.force_mn > 20)[0]) / 8000
+    expected = loaded_s + 0.5 if name == "slip" else touched_s + 1.0
+    assert effect["drawn"]["time_s"] == pytest.approx(expected, abs=1e-3)
+    changed = np.flatnonzero(np.abs(b.force_mn - a.force_mn) > 0.05)[0] / 8000
+    assert changed == pytest.approx(expected, abs=0.03)

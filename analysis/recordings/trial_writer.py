@@ -43,6 +43,7 @@ from analysis.recordings.trial import (
     Trial,
 )
 from analysis.recordings.writing import (
+    check_attributes,
     event_rows,
     phase_rows,
     replacing,

@@ -23,7 +23,8 @@ class _Version(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
         from importlib.metadata import version
 
-        parser.exit(EXIT_OK, f"indenter {version('indenter')}\n")
+        print("indenter", version("indenter"))
+        parser.exit(EXIT_OK)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -193,6 +193,9 @@ def _one_line(error: ValidationError) -> str:
         return f"unknown key {key!r}{more}"
     if first["type"] == "value_error":
         return f"{key}: {message}{more}" if key and not key.startswith("effects") else f"{message}{more}"
+    plain = {"tuple_type": "must be a list of tables", "model_type": "must be a table"}
+    if first["type"] in plain:
+        return f"{key} = {first['input']!r}: {plain[first['type']]}{more}"
     unit = next((u for suffix, u in _UNITS.items() if key.endswith(suffix)), None)
     unit_text = f" ({unit})" if unit else ""
     return f"{key} = {first['input']!r}: {message[:1].lower()}{message[1:]}{unit_text}{more}"

@@ -1,4 +1,7 @@
-"""Effects that the simulated bench can conceal, one file each; this table lists the folder."""
+"""Effects that the simulated bench can conceal, one file each; this table lists the folder.
+
+A new effect is a new file with a subclass of ``Effect``; nothing else names it.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,11 @@ def _listed() -> dict[str, type[Effect]]:
     for module in sorted(m.name for m in pkgutil.iter_modules(__path__) if m.name != "base"):
         names = vars(importlib.import_module(f"{__name__}.{module}"))
         for value in names.values():
-            if isinstance(value, type) and issubclass(value, Effect) and value.__module__.endswith(module):
+            if (
+                isinstance(value, type)
+                and issubclass(value, Effect)
+                and value.__module__ == f"{__name__}.{module}"
+            ):
                 found[value.name] = value
     return found
 

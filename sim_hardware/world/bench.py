@@ -24,8 +24,6 @@ from sim_hardware.world.truth import truth
 
 _CHUNK = 4000
 """Samples integrated at a time, so that fine arrays stay in the cache."""
-_SETTLE = 160
-"""Samples of a rest that are integrated as any others: the servo comes to rest within."""
 _G_M_S2 = 9.80665
 """Also the weight of a gram, mN."""
 
@@ -122,7 +120,7 @@ class World:
         n = round(duration_s * SAMPLE_RATE_HZ)
         if n == 0:
             return
-        first = min(n, _SETTLE)
+        first = min(n, math.ceil(self._servo.settling_s * SAMPLE_RATE_HZ))  # as at any other time
         self._move(np.full(first, self._command_v))
         left_s = (n - first) / SAMPLE_RATE_HZ
         if left_s > 0:

@@ -52,6 +52,8 @@ class Servo:
     def fit(self, parts: Parts) -> None:
         """Work out the fine step for these parts."""
         wn, zeta, lag = parts.natural_frequency_rad_s, parts.damping_ratio, parts.command_lag_s
+        self.settling_s = 50 / (wn * min(zeta, 1 / zeta)) + 25 * lag
+        """After so long at one command less than 1e-10 of any motion is left."""
         system = np.zeros((5, 5))  # w, x, v, u, du/dt
         system[1, 2] = system[3, 4] = 1.0
         system[2, 1], system[2, 2] = -(wn**2), -2 * zeta * wn

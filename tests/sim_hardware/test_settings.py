@@ -68,6 +68,9 @@ def test_the_brief_example_is_read() -> None:
         ('[[effects]]\nname = "adhesion"\nrough = 2.0', ["rough"]),
         ("[[effects]]\npull_off_mn = 4.2", ["name"]),
         ('[[faults]]\nkind = "flood"', ["faults.0.kind", "flood"]),
+        ("effects = 3", ["effects = 3", "list of tables"]),
+        ("effects = [1]", ["effects.0", "table"]),
+        ("tissue = 3", ["tissue = 3", "table"]),
     ],
 )
 def test_what_is_wrong_is_one_line(text: str, words: list[str]) -> None:

@@ -7,14 +7,14 @@ from dataclasses import replace
 from sim_hardware.effects.base import Effect, Parameter
 from sim_hardware.parts import Arm, Parts
 
-_BUILD_UP_S = 3e-4
+_BUILD_UP_S = 5e-5
 
 
 class ParallelDashpot(Effect):
     """F gains c dd/dt while in contact.
 
     Shows while the punch moves in contact: from landing to the stop, in the ramp, in the retract. Rough: the
-    viscous force takes 0.3 ms to build up.
+    viscous force takes 50 us to build up.
     """
 
     name = "parallel_dashpot"

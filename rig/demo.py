@@ -10,7 +10,6 @@ from pathlib import Path
 from rich.console import Console
 
 from analysis.errors import BadInputError
-from analysis.recordings import read_trial
 from rig.calibrating import calibrate
 from rig.headless import SIMULATED_RIG, run_protocol_file
 
@@ -65,7 +64,11 @@ def run_demo(out: Path) -> Path:
 
     step(1, "Calibrate position: a block on the Z stage, found at six heights", _calibrated("position", rig))
     step(2, "Calibrate force: weights hung from the inverted arm", _calibrated("force", rig))
-    step(3, "Find the skin of the index finger", lambda: _find_skin(surface, rig, out / "surface", console))
+    step(
+        3,
+        "Find the skin of the index finger",
+        lambda: run_protocol_file(surface, rig=rig, out=out / "surface"),
+    )
     trials = step(
         4,
         "A small study: 2 fingers, 4 depths, 2 repeats at 8000 samples a second, with its rests",
@@ -103,15 +106,6 @@ def _write_files(out: Path) -> tuple[Path, Path, Path]:
 
 def _calibrated(which: str, rig: Path) -> Callable[[], Path]:
     return lambda: calibrate("position" if which == "position" else "force", rig=rig, out=None)
-
-
-def _find_skin(protocol: Path, rig: Path, out: Path, console: Console) -> Path:
-    run_protocol_file(protocol, rig=rig, out=out)
-    trial = read_trial(out / "surface.h5")
-    for event in trial.events:
-        if event.kind in {"threshold", "contact"}:
-            console.print(f"  {event.message}", highlight=False, soft_wrap=True)
-    return out
 
 
 def _fit(trials: Path, out: Path) -> Path:

@@ -14,7 +14,7 @@ from rig.hardware.lever import Chunk
 
 
 class TerminalProgress:
-    """An observer that keeps one line with a bar on a terminal, and prints one line a trial elsewhere.
+    """An observer that prints a line for every trial saved and, on a terminal, keeps a bar below.
 
     While a hand is needed the bar is put away, so that the question stands alone.
     """
@@ -29,7 +29,7 @@ class TerminalProgress:
             transient=True,
         )
         self._task = self._bar.add_task("", total=1.0, left="")
-        self._trial = 0
+        self._saved = 0
 
     def __enter__(self) -> Self:
         return self
@@ -41,18 +41,19 @@ class TerminalProgress:
 
     def show(self, snapshot: Snapshot) -> None:
         """Show one moment of the run."""
+        if snapshot.state is State.SAVED and snapshot.trial_number != self._saved:
+            self._saved = snapshot.trial_number
+            self._console.print(_saved(snapshot), highlight=False, soft_wrap=True)
         if not self._console.is_terminal:
-            self._line(snapshot)
             return
         if snapshot.state is State.PREPARING:
             self._bar.stop()
             return
-        total = snapshot.done_s + snapshot.left_s
         self._bar.update(
             self._task,
-            description=_words(snapshot),
+            description=_doing(snapshot),
             completed=snapshot.done_s,
-            total=max(total, 1e-9),
+            total=max(snapshot.done_s + snapshot.left_s, 1e-9),
             left=clock_words(snapshot.left_s),
         )
         self._bar.start()
@@ -60,17 +61,13 @@ class TerminalProgress:
     def follow(self, chunk: Chunk) -> None:
         """See samples; the terminal shows none of them."""
 
-    def _line(self, snapshot: Snapshot) -> None:
-        if snapshot.state is State.SAVED and snapshot.trial_number != self._trial:
-            self._trial = snapshot.trial_number
-            self._console.print(
-                f"  {snapshot.trial_number}/{snapshot.n_trials} {snapshot.trial}, "
-                f"{clock_words(snapshot.left_s)} of bench time left",
-                highlight=False,
-                soft_wrap=True,
-            )
 
-
-def _words(snapshot: Snapshot) -> str:
+def _doing(snapshot: Snapshot) -> str:
     doing = snapshot.message if snapshot.state is State.RESTING else str(snapshot.state)
     return f"{snapshot.trial_number}/{snapshot.n_trials} {snapshot.trial}: {doing}"
+
+
+def _saved(snapshot: Snapshot) -> str:
+    found = f": {snapshot.message}" if snapshot.message else ""
+    left = f", {clock_words(snapshot.left_s)} left" if snapshot.left_s > 0 else ""
+    return f"  {snapshot.trial_number}/{snapshot.n_trials} {snapshot.trial}{found}{left}"

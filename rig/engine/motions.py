@@ -39,13 +39,22 @@ class _Free:
 class TrialMotions:
     """Does the motions of one trial, one after the other; each begins where the one before ended.
 
-    `enter` is told the state that each motion is in. `surface` is what the approach found.
+    `enter` is told the state that each motion is in, `say` what was found. `surface` is what the approach
+    found.
     """
 
-    def __init__(self, lever: Lever, recorder: Recorder, enter: Callable[[State], None]) -> None:
+    def __init__(
+        self,
+        lever: Lever,
+        recorder: Recorder,
+        *,
+        enter: Callable[[State], None],
+        say: Callable[[str], None],
+    ) -> None:
         self._lever = lever
         self._recorder = recorder
         self._enter = enter
+        self._say = say
         self._free = _Free(0.0, 0.0)
         self._still_since = 0
         self.surface: Surface | None = None
@@ -74,12 +83,9 @@ class TrialMotions:
         threshold_mn = step.threshold_mn
         if step.threshold_v is not None:
             threshold_mn = step.threshold_v / abs(lever.calibration.volts_per_mn)
-        recorder.note(
-            first,
-            "threshold",
-            f"contact at {threshold_mn:.4g} mN = {threshold_mn * abs(lever.calibration.volts_per_mn):.4g} V "
-            f"above the free arm's {self._free.force_mn:.4g} mN",
-        )
+        threshold = f"{threshold_mn:.4g} mN = {threshold_mn * abs(lever.calibration.volts_per_mn):.4g} V"
+        free = f"the free arm's {self._free.force_mn:.4g} mN"
+        recorder.note(first, "threshold", f"contact at {threshold} above {free}")
         start_mm = lever.commanded_mm
         waveform = ramp_mm(start_mm, lever.limits.travel_max_mm, step.speed_mm_s, lever.sample_rate_hz)
         detector = ContactDetector(threshold_mn, step.samples_above, step.samples_watched)
@@ -97,7 +103,10 @@ class TrialMotions:
         self._contact(first, first + decided, threshold_mn)
         stop = recorder.started(playback) + _played(waveform, start_mm, stopped_mm)
         self._still_since = stop
-        recorder.note(stop, "contact", self._words_of_contact())
+        assert self.surface is not None
+        found = f"surface at {self.surface.position_mm:.4f} mm, overshoot {self.surface.overshoot_um:.1f} um"
+        recorder.note(stop, "contact", found)
+        self._say(f"{found} (threshold {threshold})")
 
     def _contact(self, first: int, decided: int, threshold_mn: float) -> None:
         """Work out where contact was, from the rise up to the deciding sample, and the overshoot."""
@@ -117,10 +126,6 @@ class TrialMotions:
             threshold_mn=threshold_mn,
         )
         recorder.surface(self.surface)
-
-    def _words_of_contact(self) -> str:
-        assert self.surface is not None
-        return f"surface at {self.surface.position_mm:.4f} mm, overshoot {self.surface.overshoot_um:.1f} um"
 
     def _stay(self, step: Stay) -> None:
         recorder = self._recorder

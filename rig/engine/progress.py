@@ -22,7 +22,6 @@ class Snapshot:
     done_s: float = 0.0
     left_s: float = 0.0
     message: str = ""
-    prompt: str = ""
     out: str = ""
 
     def as_message(self) -> dict[str, Any]:

@@ -125,7 +125,7 @@ class Runner:
         lever = self._bench.lever
         recorder = Recorder(lever, writer, self._interrupts.check, self._follow)
         lever.start_recording()
-        motions = TrialMotions(lever, recorder, self._enter)
+        motions = TrialMotions(lever, recorder, enter=self._enter, say=self._say)
         for motion in trial.motions:
             motions.do(motion)
         if motions.surface is not None:

@@ -9,7 +9,7 @@ from sim_hardware.parts import Block, FloatArray
 
 _SLIDE_S = 0.0015
 _STICK_S = 0.03
-_STICK = 0.15
+_STICK = 0.06
 _LOADED_MN = 20.0
 _AFTER_LOAD_S = 0.5
 
@@ -19,7 +19,7 @@ class Slip(Effect):
 
     Shows from the slip to the end of contact; it comes half a second after 20 mN were reached at the
     earliest. The edge of the punch slides off a ridge: a share of the
-    bearing area is lost, so that the force stays lower in proportion until the punch leaves. Rough: 15 % is
+    bearing area is lost, so that the force stays lower in proportion until the punch leaves. Rough: 6 % is
     won back within 30 ms as the skin sticks again; the time differs from trial to trial by ``scatter_s``.
     """
 

@@ -21,7 +21,7 @@ FloatArray = NDArray[np.float64]
 STEP_S = 0.02
 EDGE_S = 0.06
 RISE_S = 0.0015
-SHARE_OF_TRIALS = 0.5
+REGRIP_S = 0.1
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,9 @@ def event_mechanisms() -> list[Mechanism]:
     return [m for m in library().values() if m.form == "event"]
 
 
-def event_rows(mechanism: Mechanism, trial: CellTrial, tissue: Tissue, own: PerTrial, times_s: FloatArray) -> FloatArray:
+def event_rows(
+    mechanism: Mechanism, trial: CellTrial, tissue: Tissue, own: PerTrial, times_s: FloatArray
+) -> FloatArray:
     """Return the force (m, n) of a unit event at each time: 1 mN lost (slip) or 1 um of shift (artefact)."""
     after = np.clip((trial.time_s - times_s[:, None]) / RISE_S + 0.5, 0.0, 1.0)
     if mechanism.stage == "contact":
@@ -83,9 +85,7 @@ def scan_events(
         latent = fit.simulation.latent_columns(trial, own)
         line = linearise(trial, whitener, fit.simulation, own, trials, latent, fit.latents[j])
         # an event in one trial bends the shared parameters for all: here each trial may have its own
-        left, _ = project_out(
-            np.column_stack([line.A, line.J]), np.column_stack([line.r, whitener(columns)])
-        )
+        left, _ = project_out(np.column_stack([line.A, line.J]), np.column_stack([line.r, whitener(columns)]))
         r, C = left[:, 0], left[:, 1:]
         norm = np.maximum(np.linalg.norm(C, axis=0), 1e-12)
         all_times.append(times)
@@ -96,7 +96,7 @@ def scan_events(
 def event_p_value(scan: EventScan) -> float:
     """Return the chance that the strongest step of any trial is noise.
 
-    Scores are measured in units of their robust spread in the median trial, and the tail is taken a fifth wider
+    Scores are measured in units of their robust spread in the median trial, and the tail is taken an eighth wider
     than Gaussian, so that correlated noise does not pass for an event.
     """
     scanned = [s for s in scan.scores if len(s) >= 10]
@@ -106,20 +106,35 @@ def event_p_value(scan: EventScan) -> float:
     spread = max(1.0, float(np.median([np.median(np.abs(s - np.median(s))) for s in scanned])) / 0.6745)
     strongest = max(float(np.max(np.abs(s))) for s in scanned) / spread
     looks = sum(len(s) for s in scanned)
-    return float(min(1.0, looks * erfc(strongest / 1.2 / np.sqrt(2.0))))
+    return float(min(1.0, looks * erfc(strongest / 1.12 / np.sqrt(2.0))))
+
+
+@dataclass(frozen=True)
+class EventAt:
+    """The columns of an event at its own time in each trial (s, by label).
+
+    A slip has two: what is lost for good, and what comes back within a tenth of a second as the skin sticks again.
+    """
+
+    mechanism: Mechanism
+    times_s: Mapping[str, float]
+
+    def __call__(self, trial: CellTrial, tissue: Tissue, own: PerTrial) -> FloatArray:
+        """Return the force (n, q) of unit events."""
+        at = self.times_s.get(trial.label)
+        if at is None:
+            return np.zeros((len(trial.time_s), 0))
+        lasting = event_rows(self.mechanism, trial, tissue, own, np.array([at])).T
+        if self.mechanism.stage != "contact":
+            return lasting
+        back = np.exp(-np.maximum(trial.time_s - at, 0.0) / REGRIP_S)
+        return np.column_stack([lasting, lasting[:, 0] * back])
 
 
 def event_addition(mechanism: Mechanism, times_s: Mapping[str, float]) -> Addition:
     """Return an event of free size at its own time in each trial named in ``times_s`` (by label)."""
-
-    def latent(trial: CellTrial, tissue: Tissue, own: PerTrial) -> FloatArray:
-        at = times_s.get(trial.label)
-        if at is None:
-            return np.zeros((len(trial.time_s), 0))
-        return event_rows(mechanism, trial, tissue, own, np.array([at])).T
-
     median = float(np.median(list(times_s.values())))
-    return Addition(mechanism, {**mechanism.null, "time_s": median}, latent)
+    return Addition(mechanism, {**mechanism.null, "time_s": median}, EventAt(mechanism, times_s))
 
 
 def refine_time(

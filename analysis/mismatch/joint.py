@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,18 +29,31 @@ MANY_TRIALS = 8
 
 
 @dataclass(frozen=True, slots=True)
+class Hum:
+    """A line too quick for cells: frequency (Hz) and, by trial label, cosine and sine (mN) at full rate."""
+
+    frequency_hz: float
+    quadratures_mn: Mapping[str, tuple[float, float]]
+
+    def at(self, label: str, time_s: FloatArray, width_s: FloatArray | float = 0.0) -> FloatArray:
+        """Return the line's force at times (n,), averaged over ``width_s``."""
+        c, s = self.quadratures_mn.get(label, (0.0, 0.0))
+        phase = 2 * np.pi * self.frequency_hz * time_s
+        return np.asarray((c * np.cos(phase) + s * np.sin(phase)) * np.sinc(self.frequency_hz * width_s))
+
+
+@dataclass(frozen=True, slots=True)
 class Addition:
     """A mechanism with the values of its shared parameters.
 
     ``latent`` gives the columns (n, q) of force whose coefficients are free in every trial: the phase of an
-    oscillation, the size of an event. None for a law. ``wave`` gives the same columns at any times (s) where cells are
-    too coarse to carry them (hum).
+    oscillation, the size of an event. None for a law. ``hum`` is measured at full rate beforehand and added as it is.
     """
 
     mechanism: Mechanism
     values: Values
     latent: LatentColumns | None = None
-    wave: Callable[[FloatArray], FloatArray] | None = None
+    hum: Hum | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +67,7 @@ class Simulation:
 
     def force_mn(self, trial: CellTrial, own: PerTrial) -> FloatArray:
         """Return the simulated force of a trial (n,), without what is latent in it."""
-        return simulate_force(
+        force = simulate_force(
             trial,
             self.tissue,
             own,
@@ -62,6 +75,10 @@ class Simulation:
             rigid_stiffness=self.rigid_stiffness,
             ideal_step=self.ideal_step,
         )
+        for a in self.additions:
+            if a.hum is not None:
+                force = force + a.hum.at(trial.label, trial.time_s, trial.counts / trial.sample_rate_hz)
+        return force
 
     def latent_columns(self, trial: CellTrial, own: PerTrial) -> FloatArray:
         """Return the columns (n, q) with coefficients of their own in this trial."""
@@ -234,7 +251,9 @@ def fit_jointly(
             shared_step, moved = np.zeros(0), simulation
             if len(gradient):
                 shared_step = np.linalg.lstsq(hessian + damping * scale, gradient, rcond=1e-13)[0]
-                moved = simulation.moved_to(simulation.vector(trials) + _kept_short(shared_step, simulation, trials), trials)
+                moved = simulation.moved_to(
+                    simulation.vector(trials) + _kept_short(shared_step, simulation, trials), trials
+                )
             promised = float(gradient @ shared_step)
             new_own, new_coefficients = [], []
             for trial, o, c, (beta_r, beta_J) in zip(trials, own, coefficients, reduced, strict=True):

@@ -6,14 +6,14 @@ noise model decides what is much. The cube root makes a power nearly symmetric, 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2 as chi2_distribution
 
-from analysis.mismatch.joint import Addition, JointFit, project_out
+from analysis.mismatch.joint import Addition, Hum, JointFit, project_out
 from analysis.mismatch.noise import Whitener
 from analysis.mismatch.surface_motion import surface_force
 from analysis.simulation.cells import CellTrial
@@ -22,10 +22,8 @@ from analysis.simulation.mechanism import Mechanism, Tissue, library
 
 FloatArray = NDArray[np.float64]
 
-BAND_RATIO = 1.05
-WIDEST_KNOT_S = 2.5
+RESOLUTION_HZ = 0.11
 HUM_HALF_WIDTH_HZ = 0.6
-LINE_LEVEL = 1e-4
 
 
 @dataclass(frozen=True)
@@ -94,8 +92,9 @@ def oscillation_scores(spectrum: Spectrum) -> FloatArray:
     scores = np.zeros_like(root)
     for k in range(len(f)):
         away = f - f[k]
-        below = (away < -0.10) & (away > -0.7)
-        above = (away > 0.10) & (away < 0.7)
+        apart = np.abs(spectrum.frequency_hz - spectrum.frequency_hz[k]) > RESOLUTION_HZ
+        below = (away < -0.10) & (away > -1.2) & apart
+        above = (away > 0.10) & (away < 1.2) & apart
         if below.any() and above.any():
             scores[:, k] = root[:, k] - 0.5 * (root[:, below].mean(axis=1) + root[:, above].mean(axis=1))
     return scores
@@ -103,28 +102,37 @@ def oscillation_scores(spectrum: Spectrum) -> FloatArray:
 
 def scan_frequencies() -> FloatArray:
     """Return the frequencies of the scan: logarithmic, from half below the breath to above the tremor."""
-    return np.geomspace(0.08, 26.0, 210)
+    return np.geomspace(0.035, 30.0, 200)
 
 
-def surface_addition(mechanism: Mechanism, frequencies_hz: dict[str, float], harmonics: int, knot_s: float) -> Addition:
-    """Return the oscillation as an addition with free phase, its amplitude free to wander over ``knot_s``.
+@dataclass(frozen=True)
+class SurfaceOscillation:
+    """The columns of an oscillating surface: each trial's own frequency (Hz, by label), harmonics, knots of the envelope (s)."""
 
-    ``frequencies_hz`` gives each trial's own frequency by label.
-    """
+    frequencies_hz: Mapping[str, float]
+    harmonics: int
+    knot_s: float
 
-    def latent(trial: CellTrial, tissue: Tissue, own: PerTrial) -> FloatArray:
-        f = frequencies_hz.get(trial.label)
+    def __call__(self, trial: CellTrial, tissue: Tissue, own: PerTrial) -> FloatArray:
+        """Return the force (n, q) of unit amplitudes (um), cosine and sine of each knot in turn."""
+        f = self.frequencies_hz.get(trial.label)
         if f is None or trial.kind in ("air_sweep", "rigid_target"):
             return np.zeros((len(trial.time_s), 0))
         rows = []
-        hats = hat_functions(trial, knot_s)
-        for h in range(1, harmonics + 1):
+        hats = hat_functions(trial, self.knot_s)
+        for h in range(1, self.harmonics + 1):
             phase = 2 * np.pi * h * f * trial.time_s
             rows += [wave * hat for hat in hats for wave in (np.cos(phase), np.sin(phase))]
         return surface_force(trial, tissue, own, 1e-3 * np.array(rows)).T
 
+
+def surface_addition(
+    mechanism: Mechanism, frequencies_hz: Mapping[str, float], harmonics: int, knot_s: float
+) -> Addition:
+    """Return the oscillation as an addition with free phase, its amplitude free to wander over ``knot_s``."""
     median = float(np.median(list(frequencies_hz.values())))
-    return Addition(mechanism, {"amplitude_um": 0.0, "frequency_hz": median}, latent)
+    columns = SurfaceOscillation(frequencies_hz, harmonics, knot_s)
+    return Addition(mechanism, {"amplitude_um": 0.0, "frequency_hz": median}, columns)
 
 
 def hat_functions(trial: CellTrial, knot_s: float) -> FloatArray:
@@ -167,17 +175,28 @@ def line_p_value(power: FloatArray, looks: int) -> FloatArray:
     return np.minimum(1.0, looks * chi2_distribution.sf(2.0 * total, 2 * len(power)))
 
 
-def hum_addition(mechanism: Mechanism, frequency_hz: float) -> Addition:
-    """Return hum at one frequency with free phase and size in every trial, contact or not."""
+def hum_addition(
+    mechanism: Mechanism,
+    frequency_hz: float,
+    trials: Sequence[CellTrial],
+    residuals_mn: Sequence[FloatArray],
+) -> tuple[Addition, FloatArray]:
+    """Return hum at one frequency, each trial's phase and size taken from its full-rate residual, and the gain (T,).
 
-    def latent(trial: CellTrial, tissue: Tissue, own: PerTrial) -> FloatArray:
-        phase = 2 * np.pi * frequency_hz * trial.time_s
-        # a cell is an average: it sees sin(pi f T) / (pi f T) of the sine
-        share = np.sinc(frequency_hz * trial.counts / trial.sample_rate_hz)
-        return np.column_stack([np.cos(phase) * share, np.sin(phase) * share])
-
-    def wave(time_s: FloatArray) -> FloatArray:
+    The gain is the drop of the residual's sum of squares in units of its mean square.
+    """
+    found, gain = {}, np.zeros(len(trials))
+    for j, (trial, r) in enumerate(zip(trials, residuals_mn, strict=True)):
+        first = int(trial.starts[np.argmax(trial.fitted)])
+        time_s = (first + np.arange(len(r))) / trial.sample_rate_hz
         phase = 2 * np.pi * frequency_hz * time_s
-        return np.column_stack([np.cos(phase), np.sin(phase)])
-
-    return Addition(mechanism, {"amplitude_mn": 0.0, "frequency_hz": frequency_hz}, latent, wave)
+        columns = np.column_stack([np.cos(phase), np.sin(phase)])
+        around = r - np.mean(r)
+        beta = np.linalg.solve(columns.T @ columns, columns.T @ around)
+        found[trial.label] = (float(beta[0]), float(beta[1]))
+        # the line stands on the noise of its neighbourhood, which the median of the line's own band tells
+        level = float(np.sum(np.diff(around) ** 2)) / max(2.0 * (len(r) - 1), 1.0)
+        gain[j] = float(beta @ (columns.T @ columns) @ beta) / max(level, 1e-30)
+    size = float(np.mean([np.hypot(*b) for b in found.values()]))
+    values = {"amplitude_mn": size, "frequency_hz": frequency_hz}
+    return Addition(mechanism, values, hum=Hum(frequency_hz, found)), gain

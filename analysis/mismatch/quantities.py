@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from inspect import getclosurevars
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.mismatch.diagnosis import Diagnosis
-from analysis.mismatch.joint import Addition, JointFit, linearise
-from analysis.mismatch.oscillations import hat_functions
+from analysis.mismatch.events import EventAt
+from analysis.mismatch.joint import Addition, Hum, JointFit, linearise
+from analysis.mismatch.oscillations import SurfaceOscillation, hat_functions
 from analysis.mismatch.report import Quantity
 from analysis.mismatch.search import Problem
 from analysis.mismatch.surface_motion import in_contact
@@ -27,7 +27,7 @@ CLOCK_S = 1e-3
 
 @dataclass(frozen=True)
 class OwnCoefficients:
-    """What is latent of one addition in one trial: coefficients (q,), their covariance (q, q), columns (n, q)."""
+    """What is latent of one addition in one trial: coefficients (q,), covariance (q, q), columns (n, q)."""
 
     index: int
     coefficients: FloatArray
@@ -100,15 +100,17 @@ def own_coefficients(problem: Problem, fit: JointFit, k: int) -> list[OwnCoeffic
             frozen=True,
         )
         own = line.A.shape[1] - everything.shape[1] + start
-        covariance = np.linalg.pinv(line.A.T @ line.A, rcond=1e-10, hermitian=True)[
-            own : own + q, own : own + q
-        ]
+        everything_else = np.linalg.pinv(line.A.T @ line.A, rcond=1e-10, hermitian=True)
+        covariance = np.asarray(everything_else[own : own + q, own : own + q], dtype=np.float64)
         found.append(OwnCoefficients(j, fit.latents[j][start : start + q], covariance, columns))
     return found
 
 
 def effect_of(problem: Problem, fit: JointFit, k: int) -> list[FloatArray]:
     """Return the force (n_j,) mN of the k-th addition's latent part in every trial."""
+    hum = fit.simulation.additions[k].hum
+    if hum is not None:
+        return [hum.at(t.label, t.time_s) for t in problem.trials]
     effects = [np.zeros(len(t.time_s)) for t in problem.trials]
     for own in own_coefficients(problem, fit, k):
         effects[own.index] = own.columns @ own.coefficients
@@ -118,25 +120,35 @@ def effect_of(problem: Problem, fit: JointFit, k: int) -> list[FloatArray]:
 def latent_quantities(problem: Problem, fit: JointFit, k: int) -> dict[str, Quantity]:
     """Return the quantities of an oscillation or an event from each trial's own coefficients."""
     addition = fit.simulation.additions[k]
+    if addition.hum is not None:
+        return _hum_quantities(problem, addition.mechanism, addition.hum)
     own = own_coefficients(problem, fit, k)
     if not own:
         return {}
     if addition.mechanism.form == "event":
         return _event_quantities(problem, addition, own)
-    if addition.wave is not None:
-        sizes = np.array(
-            [float(o.coefficients @ o.coefficients) - float(np.trace(o.covariance)) for o in own]
-        )
-        amplitude = _mean_of(np.sqrt(np.maximum(sizes, 0.0)))
-        frequency = (float(addition.values["frequency_hz"]), HUM_GRID_HZ / np.sqrt(12.0))
-    else:
-        sizes = np.array([_surface_power(problem, fit, addition, o) for o in own])
-        amplitude = _mean_of(np.sqrt(np.maximum(sizes, 0.0)))
-        frequency = _frequency(problem, addition, own)
+    sizes = np.array([_surface_power(problem, fit, addition, o) for o in own])
+    amplitude = _mean_of(np.sqrt(np.maximum(sizes, 0.0)))
+    frequency = _frequency(problem, addition, own)
     m = addition.mechanism
     return {
         m.amplitude: _quantity(m, m.amplitude, *amplitude),
         "frequency_hz": _quantity(m, "frequency_hz", *frequency),
+    }
+
+
+def _hum_quantities(problem: Problem, mechanism: Mechanism, hum: Hum) -> dict[str, Quantity]:
+    """Return amplitude and frequency of a line; white noise adds 4 sigma^2 / N to its amplitude's square."""
+    sizes = []
+    for t in problem.trials:
+        c, s = hum.quadratures_mn.get(t.label, (0.0, 0.0))
+        sizes.append(c**2 + s**2 - 4.0 * problem.white_mn**2 / float(t.counts.sum()))
+    amplitude = _mean_of(np.sqrt(np.maximum(np.array(sizes), 0.0)))
+    return {
+        "amplitude_mn": _quantity(mechanism, "amplitude_mn", *amplitude),
+        "frequency_hz": _quantity(
+            mechanism, "frequency_hz", hum.frequency_hz, HUM_GRID_HZ / float(np.sqrt(12.0))
+        ),
     }
 
 
@@ -146,8 +158,8 @@ def _surface_power(problem: Problem, fit: JointFit, addition: Addition, own: Own
     The amplitude wanders between knots: a(t) = sum of hats (c + i s); noise adds the trace of its covariance.
     """
     trial = problem.trials[own.index]
-    facts = getclosurevars(addition.latent).nonlocals  # type: ignore[arg-type]
-    hats = hat_functions(trial, float(facts["knot_s"]))
+    shape = addition.latent
+    hats = hat_functions(trial, shape.knot_s if isinstance(shape, SurfaceOscillation) else np.inf)
     inside = in_contact(trial, fit.own[own.index])
     weight = trial.counts * inside
     M = (hats * weight) @ hats.T / max(float(weight.sum()), 1e-12)
@@ -158,8 +170,8 @@ def _surface_power(problem: Problem, fit: JointFit, addition: Addition, own: Own
 
 
 def _frequency(problem: Problem, addition: Addition, own: Sequence[OwnCoefficients]) -> tuple[float, float]:
-    facts = getclosurevars(addition.latent).nonlocals  # type: ignore[arg-type]
-    each: Mapping[str, float] = facts["frequencies_hz"]
+    shape = addition.latent
+    each = shape.frequencies_hz if isinstance(shape, SurfaceOscillation) else {}
     values = np.array([each[problem.trials[o.index].label] for o in own])
     # a grid's cell is as unsure as its width; the median costs a quarter over the mean
     grid = FREQUENCY_GRID * float(np.median(values)) / np.sqrt(12.0)
@@ -169,7 +181,7 @@ def _frequency(problem: Problem, addition: Addition, own: Sequence[OwnCoefficien
 
 def event_times(problem: Problem, addition: Addition) -> dict[int, float]:
     """Return the time (s) of an event by the index of its trial."""
-    each: Mapping[str, float] = getclosurevars(addition.latent).nonlocals["times_s"]  # type: ignore[arg-type]
+    each = addition.latent.times_s if isinstance(addition.latent, EventAt) else {}
     return {j: float(each[t.label]) for j, t in enumerate(problem.trials) if t.label in each}
 
 
@@ -191,7 +203,7 @@ def _event_quantities(
 
 
 def _mean_of(values: FloatArray, errors: FloatArray | None = None) -> tuple[float, float]:
-    """Return mean and standard error, from the spread over trials where there is one, and never below the fit's."""
+    """Return mean and standard error: from the spread over trials, but never below the fit's."""
     n = len(values)
     fitted = float(np.sqrt(np.sum(errors**2))) / n if errors is not None else 0.0
     spread = float(np.std(values, ddof=1) / np.sqrt(n)) if n > 1 else 0.0

@@ -7,11 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import t as student_t
 
 from analysis.mismatch.events import (
+    EventAt,
+    EventScan,
     event_addition,
     event_mechanisms,
-    EventScan,
     event_p_value,
     refine_time,
     scan_events,
@@ -30,7 +32,7 @@ from analysis.mismatch.oscillations import (
     surface_addition,
     surface_spectrum,
 )
-from analysis.mismatch.profiles import OUTSIDE, profile, repeatable_energy
+from analysis.mismatch.profiles import OUTSIDE, bins_of, profile, repeatable_energy
 from analysis.mismatch.signatures import FEW_TRIALS, Probe, Signatures, accumulate
 from analysis.mismatch.signflip import flip_test
 from analysis.simulation.cells import CellTrial
@@ -48,6 +50,8 @@ SHARE_EXPLAINED = 0.35
 SMALL_SHARE = 0.10
 SMALL_MUST_EXPLAIN = 0.80
 EVENT_SCORE = 4.5
+SAME_EVENT_S = 0.3
+FEW_CONTRIBUTE = 7.0
 
 
 @dataclass(frozen=True)
@@ -65,7 +69,9 @@ class Problem:
     def residual(self, fit: JointFit, j: int) -> FloatArray:
         """Return what a fit leaves of one trial's cells, (n,), mN."""
         t, o = self.trials[j], fit.own[j]
-        return t.force_mn - fit.simulation.force_mn(t, o) - fit.simulation.latent_columns(t, o) @ fit.latents[j]
+        return (
+            t.force_mn - fit.simulation.force_mn(t, o) - fit.simulation.latent_columns(t, o) @ fit.latents[j]
+        )
 
     def residuals(self, fit: JointFit) -> list[FloatArray]:
         """Return what a fit leaves of every trial's cells, mN."""
@@ -76,24 +82,28 @@ class Problem:
         t = self.trials[j]
         smooth = t.force_mn - self.residual(fit, j)
         time_s = np.arange(len(t.full_force_mn)) / t.sample_rate_hz
-        fast = np.zeros(len(time_s))
-        at = 0
-        for a in fit.simulation.additions:
-            if a.latent is None:
-                continue
-            columns = a.latent(t, fit.simulation.tissue, fit.own[j])
-            part = fit.latents[j][at : at + columns.shape[1]]
-            at += columns.shape[1]
-            if a.wave is not None:
-                smooth = smooth - columns @ part
-                fast += a.wave(time_s) @ part
-        residual = t.full_force_mn - np.interp(time_s, t.time_s, smooth) - fast
+        hums = [a.hum for a in fit.simulation.additions if a.hum is not None]
+        quick = np.zeros(len(time_s))
+        for hum in hums:
+            smooth = smooth - hum.at(t.label, t.time_s, t.counts / t.sample_rate_hz)
+            quick += hum.at(t.label, time_s)
+        residual = t.full_force_mn - np.interp(time_s, t.time_s, smooth) - quick
         return np.asarray(residual[np.repeat(t.fitted, t.counts.astype(np.int64))])
 
     def repeatable(self, fit: JointFit) -> FloatArray:
         """Return the repeatable energy of a fit's residual by bin, (B,), in units of white-noise chi2."""
         p = profile(self.trials, self.residuals(fit), [o.z0_mm for o in fit.own])
         return repeatable_energy(p.standardised(self.white_mn), p.conditions)
+
+    def weighed_repeatable(self, fit: JointFit) -> float:
+        """Return the repeatable energy of the whitened residual: in the units in which gains are counted."""
+        sums = np.zeros((len(self.trials), OUTSIDE))
+        for j, (trial, whitener) in enumerate(zip(self.trials, self.whiteners, strict=True)):
+            r = whitener(self.residual(fit, j))
+            bins = bins_of(trial, fit.own[j].z0_mm)[trial.fitted]
+            size = np.maximum(np.bincount(bins, minlength=OUTSIDE + 1)[:OUTSIDE], 1)
+            sums[j] = np.bincount(bins, weights=r, minlength=OUTSIDE + 1)[:OUTSIDE] / np.sqrt(size)
+        return float(repeatable_energy(sums, [t.condition for t in self.trials]).sum())
 
 
 @dataclass(frozen=True)
@@ -202,6 +212,9 @@ def look(problem: Problem, fit: JointFit, rng: np.random.Generator) -> Look:
     p_of: dict[str, float] = {}
     for probe, p in zip(probes, test.p_value, strict=False):
         p_of[probe.mechanism.name] = min(p_of.get(probe.mechanism.name, 1.0), float(p))
+    if many:
+        for probe, p in zip(probes, few_trials_p_value(signatures), strict=True):
+            p_of[probe.mechanism.name] = min(p_of[probe.mechanism.name], strict(float(p)))
     m = len(probes)
     bin_p = test.p_value[m : m + 2 * OUTSIDE].reshape(2, OUTSIDE)
     spectrum_p = test.p_value[m + 2 * OUTSIDE : len(test.p_value) - len(signed)]
@@ -215,6 +228,32 @@ def look(problem: Problem, fit: JointFit, rng: np.random.Generator) -> Look:
             if band.mechanism not in present:
                 p_of[band.mechanism] = float(spectrum_p[inside].min())
     return Look(signatures, p_of, best_probes(signatures), bin_p, spectrum, spectrum_p, scans, test.critical)
+
+
+def few_trials_p_value(signatures: Signatures) -> FloatArray:
+    """Return p-values (M,) of probes that live in so few trials that flipping trials can't make them significant.
+
+    The amplitude is estimated in each contributing trial; Student's t over these, Bonferroni over such probes. It
+    trusts the scores of different trials to be Gaussian about one amplitude, but no noise model within them.
+    Probes that most trials speak of have p-value 1 here.
+    """
+    norm2 = signatures.trial_norm2
+    effective = norm2.sum(axis=0) ** 2 / np.maximum((norm2**2).sum(axis=0), 1e-300)
+    seen = signatures.norm > 1e-4 * np.maximum(signatures.raw_norm, 1e-12)
+    few = np.flatnonzero((effective < FEW_CONTRIBUTE) & (effective > 2.0) & seen)
+    p_value = np.ones(norm2.shape[1])
+    for k in few:
+        weight = norm2[:, k]
+        used = weight > 0.03 * weight.max()
+        if used.sum() < 3:
+            continue
+        w, s = weight[used], signatures.trial_scores[used, k]
+        amplitude = s.sum() / w.sum()
+        spread = float(np.sum((s - amplitude * w) ** 2 / w)) / (used.sum() - 1)
+        t = amplitude * np.sqrt(w.sum() / max(spread, 0.3))
+        tail = float(student_t.sf(t if signatures.probes[k].mechanism.one_sided else abs(t), used.sum() - 1))
+        p_value[k] = min(1.0, 2.0 * tail * len(few))
+    return p_value
 
 
 def refit_with(problem: Problem, fit: JointFit, probe: Probe, amplitude: float, rounds: int = 10) -> JointFit:
@@ -238,10 +277,19 @@ def law_candidates(problem: Problem, fit: JointFit, seen: Look) -> list[Candidat
     worth = WORTH_REFITTING * best[significant[0]][0][0]
     found = []
     for name in [n for n in significant if best[n][0][0] >= worth][:REFITTED]:
-        _, probe, amplitude = best[name][0]
-        refitted = refit_with(problem, fit, probe, amplitude)
-        found.append(Candidate(probe.mechanism, refitted, fit.heldout_cost - refitted.heldout_cost, seen.p_of[name]))
+        refitted = _best_refit(problem, fit, best[name])
+        probe = best[name][0][1]
+        found.append(
+            Candidate(probe.mechanism, refitted, fit.heldout_cost - refitted.heldout_cost, seen.p_of[name])
+        )
     return found
+
+
+def _best_refit(problem: Problem, fit: JointFit, starts: list[tuple[float, Probe, float]]) -> JointFit:
+    """Refit from the best probes, and go on with the better of them until it has settled."""
+    fits = [refit_with(problem, fit, probe, amplitude, rounds=6) for _, probe, amplitude in starts]
+    best = min(fits, key=lambda f: float(f.cost.sum()))
+    return problem.fit(best.simulation, best.own, rounds=14)
 
 
 def surface_candidates(problem: Problem, fit: JointFit, seen: Look, to_beat: float) -> list[Candidate]:
@@ -270,7 +318,9 @@ def surface_candidates(problem: Problem, fit: JointFit, seen: Look, to_beat: flo
         for harmonics, knot_s in shapes:
             addition = surface_addition(library()[band.mechanism], own_hz, harmonics, knot_s)
             refitted = refit_added(problem, fit, addition, rounds=3)
-            options.append(_latent_candidate(library()[band.mechanism], fit, refitted, seen.p_of[band.mechanism]))
+            options.append(
+                _latent_candidate(library()[band.mechanism], fit, refitted, seen.p_of[band.mechanism])
+            )
         found.append(max(options, key=lambda c: c.total_gain))
     return found
 
@@ -289,16 +339,16 @@ def hum_candidate(problem: Problem, fit: JointFit) -> Candidate | None:
     grid = mains_lines(rate)
     if not len(grid):
         return None
-    power = np.array(
-        [line_power(problem.full_residual(fit, j), rate, grid) for j in range(len(problem.trials))]
-    )
+    residuals = [problem.full_residual(fit, j) for j in range(len(problem.trials))]
+    power = np.array([line_power(r, rate, grid) for r in residuals])
     p = line_p_value(power, len(grid))
     k = int(np.argmin(p))
     if strict(float(p[k])) > LEVEL:
         return None
     k = int(np.argmax(power.sum(axis=0)))
-    refitted = refit_added(problem, fit, hum_addition(library()["mains_hum"], float(grid[k])), rounds=3)
-    return _latent_candidate(library()["mains_hum"], fit, refitted, float(max(p[k], 1e-12)))
+    addition, gain = hum_addition(library()["mains_hum"], float(grid[k]), problem.trials, residuals)
+    refitted = refit_added(problem, fit, addition, rounds=3)
+    return Candidate(library()["mains_hum"], refitted, gain - 4.0, float(max(p[k], 1e-12)))
 
 
 def strict(p_value: float) -> float:
@@ -331,11 +381,25 @@ def event_candidates(problem: Problem, fit: JointFit, seen: Look) -> list[Candid
 def candidates(problem: Problem, fit: JointFit, seen: Look) -> list[Candidate]:
     """Return everything that is significant in a fit's residual, refitted, best held-out gain first."""
     found = law_candidates(problem, fit, seen) + event_candidates(problem, fit, seen)
+    found = [c for c in found if not _same_event(fit, c)]
     found += surface_candidates(problem, fit, seen, max((c.total_gain for c in found), default=0.0))
     hum = hum_candidate(problem, fit)
     if hum is not None:
         found.append(hum)
     return sorted((c for c in found if c.total_gain > 0), key=lambda c: -c.total_gain)
+
+
+def _same_event(fit: JointFit, candidate: Candidate) -> bool:
+    """Tell whether an event is what another law for the same event, named before, left over."""
+    new = candidate.fit.simulation.additions[-1].latent
+    if not isinstance(new, EventAt):
+        return False
+    for a in fit.simulation.additions:
+        if isinstance(a.latent, EventAt):
+            shared = [abs(t - a.latent.times_s[k]) for k, t in new.times_s.items() if k in a.latent.times_s]
+            if shared and float(np.median(shared)) < SAME_EVENT_S:
+                return True
+    return False
 
 
 @dataclass(frozen=True)
@@ -376,9 +440,8 @@ def _worth_naming(problem: Problem, fit: JointFit, best: Candidate, explained: f
     """
     if best.mechanism.form != "law":
         return best.total_gain > 0.02 * explained
-    energy = problem.repeatable(fit)
-    left = max(float(energy.sum()), 0.0)
-    slack = 2.0 * np.sqrt(2.0 * len(energy))
+    left = max(problem.weighed_repeatable(fit), 0.0)
+    slack = 2.0 * np.sqrt(2.0 * OUTSIDE)
     share = best.total_gain / (explained + max(best.total_gain, left))
     needed = SHARE_EXPLAINED if share > SMALL_SHARE else SMALL_MUST_EXPLAIN
     return best.total_gain + slack >= needed * left

@@ -141,7 +141,9 @@ def find_contact(trial: Trial, motion: Motion) -> tuple[float, float]:
         part = force[clear.samples]
         offset = float(np.median(part[len(part) // 2 :]))
     elif approach is not None:
-        offset = float(np.median(force[approach.start : approach.start + max(3, (approach.stop - approach.start) // 5)]))
+        offset = float(
+            np.median(force[approach.start : approach.start + max(3, (approach.stop - approach.start) // 5)])
+        )
     else:
         offset = float(np.median(force[: max(3, min(len(force) // 50, round(0.05 * rate)))]))
     if trial.kind == "air_sweep":
@@ -152,7 +154,10 @@ def find_contact(trial: Trial, motion: Motion) -> tuple[float, float]:
     total = np.cumsum(padded)
     smooth = (total[w:] - total[:-w])[:stop] / w
     peak = float(smooth.max()) - offset
-    level = max(0.02 * peak, 6.0 * float(np.std(force[: max(8, stop // 20)] - smooth[: max(8, stop // 20)])) / np.sqrt(w))
+    level = max(
+        0.02 * peak,
+        6.0 * float(np.std(force[: max(8, stop // 20)] - smooth[: max(8, stop // 20)])) / np.sqrt(w),
+    )
     below = np.flatnonzero(smooth - offset < level)
     first = int(below[-1]) if below.size else 0
     twice = np.flatnonzero(smooth[first:] - offset > 3 * level)
@@ -195,7 +200,11 @@ def reduce_trial(
     fitted = cell_phase == PHASE_NAMES.index("hold") if hold_only else np.ones(len(starts), dtype=bool)
     command = trial.command_mm
     hold = trial.phase("hold")
-    reached = float(np.median(motion.position_mm[hold.samples])) if hold is not None else float(motion.position_mm.max())
+    reached = (
+        float(np.median(motion.position_mm[hold.samples]))
+        if hold is not None
+        else float(motion.position_mm.max())
+    )
     return CellTrial(
         label=trial.path or trial.trial_id,
         kind=trial.kind,

@@ -114,7 +114,9 @@ class Mechanism:
         """The indentation that the tissue's law answers to."""
         return depth_mm
 
-    def tissue_force_mn(self, trial: CellTrial, depth_mm: FloatArray, tissue: Tissue, p: Values) -> FloatArray | float:
+    def tissue_force_mn(
+        self, trial: CellTrial, depth_mm: FloatArray, tissue: Tissue, p: Values
+    ) -> FloatArray | float:
         """Force that the tissue adds, before contact is judged."""
         return 0.0
 

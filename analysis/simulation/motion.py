@@ -141,7 +141,9 @@ def estimate_motion(
     steady = gaussian_filter1d(rest, max(0.3, RATE_SMOOTHING_S * rate))
     rest_v = np.gradient(steady) * rate
     if trial.command_mm is None:
-        rest_v = near * np.gradient(gaussian_filter1d(rest, max(0.5, 0.002 * rate))) * rate + (1.0 - near) * rest_v
+        rest_v = (
+            near * np.gradient(gaussian_filter1d(rest, max(0.5, 0.002 * rate))) * rate + (1.0 - near) * rest_v
+        )
     rest_a = np.gradient(rest_v) * rate
     servo_residual, signature = np.zeros_like(rest), np.zeros((len(rest), 2))
     if trial.command_mm is not None:

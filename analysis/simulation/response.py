@@ -33,7 +33,12 @@ class Steps:
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
 def _sum_of_arms(
-    drive: FloatArray, index: IntArray, decay: FloatArray, gain: FloatArray, weights: FloatArray, out: FloatArray
+    drive: FloatArray,
+    index: IntArray,
+    decay: FloatArray,
+    gain: FloatArray,
+    weights: FloatArray,
+    out: FloatArray,
 ) -> None:
     rows, n = drive.shape
     for m in range(weights.shape[0]):

@@ -59,6 +59,9 @@ class CoulombFriction(Mechanism):
     def sensor_force_mn(self, trial: CellTrial, force_mn: FloatArray, p: Values) -> FloatArray:
         """F + Fc z."""
         z = _bristle_force(
-            trial.velocity_mm_s, trial.counts / trial.sample_rate_hz, 1e-3 * p["bristle_um"], 1e-3 * p["fade_ms"]
+            trial.velocity_mm_s,
+            trial.counts / trial.sample_rate_hz,
+            1e-3 * p["bristle_um"],
+            1e-3 * p["fade_ms"],
         )
         return np.asarray(force_mn + p["force_mn"] * z)

@@ -34,7 +34,9 @@ class IncompleteRecovery(Mechanism):
         """Only skin remembers."""
         return trial.kind == "ramp_hold_retract"
 
-    def tissue_force_mn(self, trial: CellTrial, depth_mm: FloatArray, tissue: Tissue, p: Values) -> FloatArray | float:
+    def tissue_force_mn(
+        self, trial: CellTrial, depth_mm: FloatArray, tissue: Tissue, p: Values
+    ) -> FloatArray | float:
         """Force that the unrecovered arm lacks."""
         if trial.rest_s is None or trial.previous_depth_mm is None:
             return 0.0

@@ -16,7 +16,9 @@ class LeverCompliance(Mechanism):
     null = {"compliance_um_per_mn": 0.0}
     probes = ({"compliance_um_per_mn": 0.02}, {"compliance_um_per_mn": 0.5})
     typical = {"compliance_um_per_mn": 0.5}
-    words = "the lever (or what holds it) bends under load, so that the punch stays behind the recorded position"
+    words = (
+        "the lever (or what holds it) bends under load, so that the punch stays behind the recorded position"
+    )
     source = "spring in series"
     separated_by = "rigid_target"
 

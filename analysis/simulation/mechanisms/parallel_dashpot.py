@@ -23,7 +23,9 @@ class ParallelDashpot(Mechanism):
     source = "Kelvin element in parallel"
     separated_by = "rigid_target"
 
-    def tissue_force_mn(self, trial: CellTrial, depth_mm: FloatArray, tissue: Tissue, p: Values) -> FloatArray:
+    def tissue_force_mn(
+        self, trial: CellTrial, depth_mm: FloatArray, tissue: Tissue, p: Values
+    ) -> FloatArray:
         """c dd/dt."""
         inside = np.clip(depth_mm / 1e-3, 0.0, 1.0)
         return p["coefficient_mn_s_per_mm"] * trial.velocity_mm_s * inside

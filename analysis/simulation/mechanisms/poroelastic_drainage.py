@@ -30,7 +30,9 @@ class PoroelasticDrainage(Mechanism):
     separated_by = "a longer hold, a second punch radius"
     inseparable = ("third_relaxation",)
 
-    def tissue_force_mn(self, trial: CellTrial, depth_mm: FloatArray, tissue: Tissue, p: Values) -> FloatArray:
+    def tissue_force_mn(
+        self, trial: CellTrial, depth_mm: FloatArray, tissue: Tissue, p: Values
+    ) -> FloatArray:
         """Force of the draining fluid."""
         T = p["time_constant_s"]
         s = np.geomspace(0.02, 2e3, 22)

@@ -31,7 +31,9 @@ class PowerLawRelaxation(Mechanism):
     source = "spring-pot (fractional element)"
     separated_by = "a longer hold"
 
-    def tissue_force_mn(self, trial: CellTrial, depth_mm: FloatArray, tissue: Tissue, p: Values) -> FloatArray:
+    def tissue_force_mn(
+        self, trial: CellTrial, depth_mm: FloatArray, tissue: Tissue, p: Values
+    ) -> FloatArray:
         """Force of the spring-pot."""
         a = p["exponent"]
         taus = np.geomspace(5e-5, 1e4, 26)

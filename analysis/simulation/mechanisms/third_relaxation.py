@@ -20,15 +20,15 @@ class ThirdRelaxation(Mechanism):
     )
     amplitude = "ratio_to_k0"
     null = {"ratio_to_k0": 0.0, "time_constant_s": 1.0}
-    probes = tuple(
-        {"ratio_to_k0": 0.01, "time_constant_s": float(t)} for t in np.geomspace(3e-3, 60.0, 12)
-    )
+    probes = tuple({"ratio_to_k0": 0.01, "time_constant_s": float(t)} for t in np.geomspace(3e-3, 60.0, 12))
     typical = {"ratio_to_k0": 0.1, "time_constant_s": 0.02}
     words = "the tissue relaxes with a third time constant that the two arms of the model do not have"
     source = "Maxwell-Weichert solid with three arms"
     separated_by = "a longer hold, a second punch radius"
     inseparable = ("poroelastic_drainage",)
 
-    def tissue_force_mn(self, trial: CellTrial, depth_mm: FloatArray, tissue: Tissue, p: Values) -> FloatArray:
+    def tissue_force_mn(
+        self, trial: CellTrial, depth_mm: FloatArray, tissue: Tissue, p: Values
+    ) -> FloatArray:
         """Force of the third arm."""
         return p["ratio_to_k0"] * tissue.k0 * arm_force(depth_mm, trial.steps, p["time_constant_s"])

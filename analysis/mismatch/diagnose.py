@@ -22,9 +22,9 @@ def diagnose_paths(
 ) -> Path:
     """Compare simulation and recordings, and write what was found into ``out``; return the page's path.
 
-    Writes `report.json`, `report.html`, figures, `twin.toml`, and `next.toml` where something needs separating: all
-    of them, or on failure nothing. ``tolerance_mn`` (rms): what a law may leave over in any window without being
-    called unknown. Raises BadInputError, one line, for trials that can't be diagnosed.
+    Writes `report.json`, `report.html`, figures, `twin.toml`, and `next.toml` where something needs
+    separating: all of them, or on failure nothing. ``tolerance_mn`` (rms): what a law may leave over in any
+    window without being called unknown. Raises BadInputError, one line, for trials that can't be diagnosed.
     """
     if baseline not in BASELINES:
         raise BadInputError(f"baseline {baseline!r} is unknown: use ramp or step")
@@ -39,9 +39,7 @@ def diagnose_paths(
     files = find_trials(paths)
     with _status(f"Reading {len(files)} files") as say:
         taken = take_in(files, hold_only=baseline == "step")
-        say(
-            f"Comparing {len(taken.trials)} trials with the simulation, and with every mechanism of the library"
-        )
+        say(f"Comparing {len(taken.trials)} trials with the simulation and every mechanism of the library")
         diagnosis = diagnose(taken, baseline=baseline, seed=seed)
         say("Writing the report")
         with _together(out) as folder:

@@ -59,14 +59,14 @@ def force_windows(
 ) -> tuple[Window, ...]:
     """Return the windows of significant force residual, largest first.
 
-    ``bin_p`` (2, B): p-values of the bins, plain and with depth, all tested together; ``total`` the energy that
-    shares refer to. ``whole_p``: p-value of the residual as a whole. Where that is significant, bins whose repeatable
-    energy stands far out of their scatter count too, with this p-value: an effect that lies in other bins in every
-    condition (contact is lost at another depth) is unanimous in none. Windows of less than a hundredth are left out
-    (but for the largest), unless ``all_of_them``.
+    ``bin_p`` (2, B): p-values of the bins, plain and with depth, all tested together; ``total`` the energy
+    that shares refer to. ``whole_p``: p-value of the residual as a whole. Where it is significant, bins whose
+    repeatable energy stands far out of their scatter count too, with this p-value: an effect that lies in
+    other bins in every condition (contact is lost at another depth) is unanimous in none. Windows of less
+    than a hundredth are left out (but for the largest), unless ``all_of_them``.
     """
     found = []
-    significant = np.min(bin_p, axis=0) <= LEVEL
+    significant = np.asarray(np.min(bin_p, axis=0) <= LEVEL)
     if whole_p <= LEVEL:
         significant |= standing_out(residual, total)
     for bins in _merged(significant, residual.profiles.count.sum(axis=0)[:OUTSIDE] > 0):
@@ -108,7 +108,7 @@ def _merged(significant: NDArray[np.bool_], present: NDArray[np.bool_]) -> list[
 
 
 def standing_out(residual: Residual, total: float) -> NDArray[np.bool_]:
-    """Return the bins (B,) that hold a part of the repeatable energy worth the name, far outside their own scatter."""
+    """Return the bins (B,) that hold a part of the repeatable energy, far outside their own scatter."""
     u = residual.profiles.standardised(residual.white_mn)[:, :OUTSIDE]
     labels = np.asarray(residual.profiles.conditions)
     scatter, spare, pairs = np.zeros(OUTSIDE), 0, 0.0
@@ -119,16 +119,16 @@ def standing_out(residual: Residual, total: float) -> NDArray[np.bool_]:
             spare += len(part) - 1
             pairs += 2.0 * len(part) / (len(part) - 1)
     variance = np.maximum(scatter / spare, 1.0) if spare else np.ones(OUTSIDE)
-    # energy of noise: mean 0, variance 2 n / (n - 1) a condition of n repeats, in units of the scatter squared
+    # energy of noise: mean 0, variance 2 n / (n - 1) a condition of n repeats, in units of scatter squared
     noise = variance * np.sqrt(max(pairs, 4.0))
     return np.asarray((residual.energy > FAR_OUT * noise) & (residual.energy > SMALLEST_SHARE * total))
 
 
 def _times(profiles: Profiles, bins: Sequence[int], noise: float | None = None) -> tuple[float, float]:
-    """Return where bins lie, the median over trials; with ``noise``, only those that are clear in each trial."""
+    """Return where bins lie, median over trials; with ``noise``, only those that are clear in each trial."""
     start, stop = profiles.start_s[:, bins].copy(), profiles.stop_s[:, bins].copy()
     if noise is not None:
-        clear = np.abs(profiles.standardised(noise)[:, bins]) > CLEAR
+        clear = np.asarray(np.abs(profiles.standardised(noise)[:, bins]) > CLEAR)
         for times in (start, stop):
             times[clear.any(axis=1)[:, None] & ~clear] = np.nan
     here = ~np.all(np.isnan(start), axis=1)
@@ -141,7 +141,7 @@ def _times(profiles: Profiles, bins: Sequence[int], noise: float | None = None) 
 def conditions_in_words(
     trials: Sequence[CellTrial], residual: Residual, bins: Sequence[int], with_depth: bool
 ) -> str:
-    """Say under which conditions a window differs: every depth, growing with it, later trials, one kind only."""
+    """Say under which conditions a window differs: every depth, growing with it, later trials, one kind."""
     counts = residual.profiles.count[:, bins].sum(axis=1)
     use = counts > 0
     mean = (residual.profiles.mean * residual.profiles.count)[:, bins].sum(axis=1)[use] / counts[use]
@@ -162,26 +162,32 @@ def conditions_in_words(
     order = _order_words(chosen, mean)
     if not unit:
         return ("every condition" if clear.all() else "some conditions only") + only + order
-    signs = {float(np.sign(m)) for m in means[clear]}
-    ends = (
-        f" ({means[0]:+.2g} mN at {measures[0]:.2g} {unit}, {means[-1]:+.2g} mN at {measures[-1]:.2g} {unit})"
-    )
-    if len(signs) == 2:
-        return f"changes sign with {what}{ends}{only}{order}"
-    if with_depth and clear[-1] and abs(means[-1]) > LARGER * abs(means[0]):
-        return f"grows with {what}{ends}{only}{order}"
-    if with_depth and clear[0] and abs(means[0]) > LARGER * abs(means[-1]):
-        return f"shrinks with {what}{ends}{only}{order}"
+    shape = _shape(means, clear, measures, f" {unit}", with_depth)
+    return shape.replace("@", what) + only + order
+
+
+def _shape(
+    means: FloatArray, clear: NDArray[np.bool_], measures: FloatArray, unit: str, with_depth: bool
+) -> str:
+    """Say how a mean residual goes with what varies ("@" stands for its name)."""
+    first, last = means[0], means[-1]
+    ends = f" ({first:+.2g} mN at {measures[0]:.2g}{unit}, {last:+.2g} mN at {measures[-1]:.2g}{unit})"
+    if len({float(np.sign(m)) for m in means[clear]}) == 2:
+        return f"changes sign with @{ends}"
+    if with_depth and clear[-1] and abs(last) > LARGER * abs(first):
+        return f"grows with @{ends}"
+    if with_depth and clear[0] and abs(first) > LARGER * abs(last):
+        return f"shrinks with @{ends}"
     if not clear.all() and clear.any():
         at = ", ".join(f"{m:.2g}" for m, c in zip(measures, clear, strict=True) if c)
-        return f"clear at {at} {unit}{only}{order}"
-    return f"every {what}{only}{order}"
+        return f"clear at {at}{unit}"
+    return "every @"
 
 
 def _what_varies(
     trials: Sequence[CellTrial], groups: dict[str, list[int]]
 ) -> tuple[list[str], FloatArray, str]:
-    """Return the conditions in order of what varies between them, its values and unit ("" if several things do)."""
+    """Return the conditions in order of what varies between them, its values and unit ("" if several do)."""
     depth = {g: float(np.median([trials[j].depth_mm for j in members])) for g, members in groups.items()}
     speed = {g: float(np.median([_speed(trials[j]) for j in members])) for g, members in groups.items()}
     sweep = all(t.kind == "air_sweep" for t in trials)
@@ -223,6 +229,7 @@ def effect_windows(
     problem: Problem,
     fit: JointFit,
     effects: Sequence[FloatArray],
+    *,
     p_value: float,
     total: float,
     words: str,
@@ -230,8 +237,8 @@ def effect_windows(
 ) -> tuple[Window, ...]:
     """Return the phases in which an effect (n_j,) mN of each trial has its energy, largest first.
 
-    For effects whose residual has no mean over trials. ``total`` is the energy that shares refer to; phases with
-    less than ``share`` of the effect's own energy are left out.
+    For effects whose residual has no mean over trials. ``total`` is the energy that shares refer to; phases
+    with less than ``share`` of the effect's own energy are left out.
     """
     energy, samples, total_residual = (
         np.zeros(len(PHASE_NAMES)),

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from analysis.recordings.trial import Calibration, Phase, ProtocolSummary, Specimen, Trial
 from analysis.simulation.cells import CellTrial, reduce_trial
-from analysis.simulation.motion import estimate_motion
+from analysis.simulation.motion import Motion
 from analysis.simulation.servo import follow
 
 FloatArray = NDArray[np.float64]
@@ -39,7 +39,7 @@ class PlannedTrial:
 
 
 def planned_cells(plan: PlannedTrial, sample_rate_hz: float, order: int = 0) -> CellTrial:
-    """Return a planned trial as cells: its command through the nominal servo, cut where things will happen."""
+    """Return a planned trial as cells: its command through the nominal servo, cut where things happen."""
     moves: list[tuple[str, float, float]]
     if plan.kind == "air_sweep":
         start = SWEEP_MM[0]
@@ -54,8 +54,8 @@ def planned_cells(plan: PlannedTrial, sample_rate_hz: float, order: int = 0) -> 
             ("retract", start, plan.retract_speed_mm_s),
             ("clear", start, CLEAR_S),
         ]
-    path, phases, at = [np.array([start])], [], start
-    n = 1
+    path, at, n = [np.array([start])], start, 1
+    phases: list[Phase] = []
     for name, to, speed_or_time in moves:
         seconds = abs(to - at) / speed_or_time if to != at else speed_or_time
         count = max(2, round(seconds * sample_rate_hz))
@@ -66,7 +66,8 @@ def planned_cells(plan: PlannedTrial, sample_rate_hz: float, order: int = 0) -> 
             phases.append(Phase(name, n if phases else 0, n + count))
         n, at = n + count, to
     command = np.concatenate(path)
-    position = follow(command, sample_rate_hz).position_mm
+    servo = follow(command, sample_rate_hz)
+    position = servo.position_mm
     force = CONTACT_MN_PER_MM * np.maximum(position - plan.z0_mm, 0.0)
     sweep = plan.kind == "air_sweep"
     trial = Trial(
@@ -91,5 +92,15 @@ def planned_cells(plan: PlannedTrial, sample_rate_hz: float, order: int = 0) -> 
             target_stiffness_mn_per_mm=BLOCK_MN_PER_MM if plan.kind == "rigid_target" else None,
         ),
     )
-    motion = estimate_motion(trial)
+    kinks = [0, *(p.start for p in phases), n - 1]
+    if sweep:
+        kinks.append((n - 1) // 2)
+    motion = Motion(
+        position_mm=position,
+        velocity_mm_s=servo.velocity_mm_s,
+        acceleration_mm_s2=servo.acceleration_mm_s2,
+        servo_residual_mm=np.zeros(n),
+        servo_signature_mm=np.zeros((n, 2)),
+        kinks=np.array(sorted(set(kinks)), dtype=np.int64),
+    )
     return reduce_trial(trial, motion, order=order, previous_depth_mm=plan.previous_depth_mm)

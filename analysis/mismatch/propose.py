@@ -41,11 +41,23 @@ SURFACES_MM = (2.0, 4.5, 7.0)
 BLOCK_DEPTHS_MM = (0.005, 0.01, 0.015)
 BLOCK_SPEED_MM_S = 0.5
 MOST_DEPTHS = 4
+HINTS = {
+    "rigid_target": ("rigid_target",),
+    "air_sweep": ("air_sweep",),
+    "ramp_speeds": ("ramp", "speed"),
+    "long_hold": ("longer hold",),
+    "surface_heights": ("surface heights",),
+    "rests": ("rests",),
+}
+"""Words by which a mechanism's ``separated_by`` means a feature of a study."""
 
 
 @dataclass(frozen=True)
 class Item:
-    """Two accounts that fit alike: ``fit`` holds the one that is free to adapt, ``columns`` the other's difference."""
+    """Two accounts that fit alike: ``fit`` is free to adapt, ``other`` with a tissue is what it must imitate.
+
+    ``scale`` undoes that a signature was taken at a fraction of its typical size.
+    """
 
     pair: tuple[str, str]
     fit: JointFit
@@ -56,7 +68,7 @@ class Item:
 
 @dataclass(frozen=True)
 class Feature:
-    """Something a study can have besides its plain trials: TOML settings of [study], and the trials they add."""
+    """Something a study can have besides its plain trials: settings of [study], and the trials they add."""
 
     name: str
     words: str
@@ -89,7 +101,7 @@ class _Statistics:
 
 
 def propose(diagnosis: Diagnosis, report: Report, out: Path) -> NextExperiment | None:
-    """Write the protocol to run next to ``out`` and say what it will show; None where nothing needs separating.
+    """Write the protocol to run next to ``out``, say what it will show; None where nothing needs separating.
 
     None too where the trials can't have come from this kind of lever, or nothing it can do would help.
     """
@@ -105,6 +117,7 @@ def propose(diagnosis: Diagnosis, report: Report, out: Path) -> NextExperiment |
         for f in (base, *features)
         for i, item in enumerate(items)
     }
+    _only_what_is_known_to_help(judged, items, features, base.name)
     chosen, strengths = _choose(features, judged, base.name, len(items))
     gained = [i for i in range(len(items)) if strengths[i] >= WORTH]
     if not chosen or not gained:
@@ -113,6 +126,7 @@ def propose(diagnosis: Diagnosis, report: Report, out: Path) -> NextExperiment |
     pairs = tuple(items[i].pair for i in gained)
     return NextExperiment(
         protocol=out.name,
+        adds=listed([f.words for f in chosen]),
         separates=pairs,
         reason=_reason(chosen, [items[i] for i in gained], [strengths[i] for i in gained]),
         predicted_separation={" | ".join(item.pair): strengths[i] for i, item in enumerate(items)},
@@ -122,15 +136,16 @@ def propose(diagnosis: Diagnosis, report: Report, out: Path) -> NextExperiment |
 def _items(diagnosis: Diagnosis, report: Report) -> list[Item]:
     """Return what needs separating: rivals of what was named first, then what could hide."""
     fit, found = diagnosis.improved, []
-    for m in report.mechanisms:
-        place = next((k for k, a in enumerate(fit.simulation.additions) if a.mechanism.name == m.name), None)
+    for listed_one in report.mechanisms:
+        names = [a.mechanism.name for a in fit.simulation.additions]
+        place = names.index(listed_one.name) if listed_one.name in names else None
         if place is None or fit.simulation.additions[place].mechanism.form != "law":
             continue
-        for name in m.alternatives:
+        for name in listed_one.alternatives:
             rival = _rival(diagnosis, place, name)
             if rival is not None:
                 here = tuple((a.mechanism, a.values) for a in fit.simulation.additions)
-                found.append(Item((m.name, name), rival, here, fit, 1.0))
+                found.append(Item((listed_one.name, name), rival, here, fit, 1.0))
     present = tuple((a.mechanism, a.values) for a in fit.simulation.additions if a.latent is None)
     named = {n for item in found for n in item.pair}
     for absorbed in diagnosis.absorbed:
@@ -263,8 +278,11 @@ def _features(diagnosis: Diagnosis, base: Feature) -> list[Feature]:
             "rests",
             "rests between 10 and 180 s in shuffled order",
             {"rest_s": [10.0, 180.0], "order": "shuffled"},
-            tuple(replace(p, rest_s=r, previous_depth_mm=d) for p in base.trials[-1:] for r in (10.0, 60.0) for d in
-                  (first.depth_mm, deepest.depth_mm)),
+            tuple(
+                replace(deepest, rest_s=r, previous_depth_mm=d)
+                for r in (10.0, 60.0)
+                for d in (first.depth_mm, deepest.depth_mm)
+            ),
         )
     )  # fmt: skip
     return found
@@ -289,6 +307,23 @@ def _statistics(
         g, J = item.scale * left[:, 0], left[:, 1:]
         JJ, Jg, gg = JJ + J.T @ J, Jg + J.T @ g, gg + float(g @ g)
     return _Statistics(JJ, Jg, gg)
+
+
+def _only_what_is_known_to_help(
+    judged: dict[tuple[str, int], _Statistics], items: Sequence[Item], features: Sequence[Feature], base: str
+) -> None:
+    """Silence features beside the one that the library names, where the rival's law fits too badly to be trusted.
+
+    Real effects follow laws roughly: of two inseparable ones the worse fits visibly worse, and its misfit would
+    pass for separation under any protocol.
+    """
+    for i, item in enumerate(items):
+        if judged[base, i].strength <= PLENTY:
+            continue
+        hint = " ".join(library()[n].separated_by for n in item.pair if n in library())
+        for f in features:
+            if not any(word in hint for word in HINTS[f.name]):
+                judged[f.name, i] = judged[f.name, i].times(0.0)
 
 
 def _choose(
@@ -330,7 +365,7 @@ def _reason(chosen: Sequence[Feature], items: Sequence[Item], strengths: Sequenc
         a, b = item.pair
         other = "the fitted tissue" if b == "tissue" else spoken(b)
         told.append(f"{spoken(a)} from {other} by {sigmas(strength)}")
-    return f"{listed([f.words for f in chosen])} (next.toml) would tell {listed(told)}."
+    return f"The study in next.toml, with {listed([f.words for f in chosen])}, would tell {listed(told)}."
 
 
 def sigmas(strength: float) -> str:

@@ -24,7 +24,7 @@ class Quantity:
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """Where simulation and recording differ: phase and time (s from a trial's first sample, median over trials).
+    """Where simulation and recording differ: phase, and time from a trial's first sample (median of trials).
 
     ``mean_residual_mn`` and ``rms_mn`` speak of the force (None in the position), ``mean_residual_um`` of the
     position (None in the force).
@@ -66,7 +66,7 @@ class NotIdentifiable:
 
 @dataclass(frozen=True, slots=True)
 class Remainder:
-    """What is significant but small after everything named; ``share`` of the baseline's repeatable mismatch."""
+    """What is significant but small after everything named; ``share`` of the baseline's mismatch."""
 
     share: float
     rms_mn: float
@@ -75,7 +75,7 @@ class Remainder:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """Prediction of recordings that were not fitted, before and after; chi2 is per sample over the noise floor."""
+    """Prediction of recordings that were not fitted, before and after; chi2 a sample, by the noise floor."""
 
     scheme: str
     n_trials: int
@@ -92,6 +92,7 @@ class NextExperiment:
     """The protocol to run next; ``predicted_separation`` in noise standard deviations by pair ("a | b")."""
 
     protocol: str
+    adds: str
     separates: tuple[tuple[str, str], ...]
     reason: str
     predicted_separation: Mapping[str, float]

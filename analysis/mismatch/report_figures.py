@@ -1,7 +1,8 @@
-"""The report's figures: one trial in full, the mean residual by phase before and after, the position channel."""
+"""The report's figures: one trial in full, the mean residual by phase, the position channel."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -33,7 +34,7 @@ _STYLE: Any = {
 # Okabe and Ito's palette, told apart by everyone
 RECORDED, BASELINE, IMPROVED, WINDOW = "#666666", "#D55E00", "#0072B2", "#F0E442"
 _GRID = 160
-_MOST_POINTS = 4000
+_WIDEST_S = 0.4
 _SIGNED = {"approach": "depth (mm)", "retract": "depth (mm)"}
 
 
@@ -84,7 +85,7 @@ def _representative(problem: Problem, fit: JointFit, window: Window | None) -> i
 
 
 def _trial(figure: Any, diagnosis: Diagnosis, report: Report) -> None:
-    """Recorded force, baseline and improved simulation of one trial; below, what each leaves; right, the window."""
+    """One trial: recorded force and both simulations; below, what each leaves; right, the window."""
     problem = diagnosis.problem
     force = [w for w in report.mismatch if w.signal == "force"]
     j = _representative(problem, diagnosis.baseline, force[0] if force else None)
@@ -114,13 +115,13 @@ def _trial(figure: Any, diagnosis: Diagnosis, report: Report) -> None:
         if focus:
             for axes in (above, below):
                 if span is None:
-                    axes.axvspan(max(focus[0], 0.0), focus[1], color=WINDOW, alpha=0.35, lw=0)
+                    axes.axvspan(*focus, color=WINDOW, alpha=0.35, lw=0)
         below.set_xlabel("time since the trial's first sample (s)")
     panels[0, 0].set_ylabel("force (mN)")
     panels[1, 0].set_ylabel("recorded − simulated\n(mN)")
     panels[0, 0].legend(loc="best", markerscale=3)
     panels[0, 0].set_title(Path(trial.label).stem, fontsize=9, loc="left")
-    panels[0, 1].set_title("the marked stretch" if focus else "the ramp", fontsize=9, loc="left")
+    panels[0, 1].set_title("the marked stretch, enlarged" if focus else "the ramp", fontsize=9, loc="left")
 
 
 def _own_window(trial: CellTrial, window: Window, effect: FloatArray) -> tuple[float, float] | None:
@@ -131,9 +132,13 @@ def _own_window(trial: CellTrial, window: Window, effect: FloatArray) -> tuple[f
     t = trial.time_s[inside]
     size = np.abs(effect[inside])
     if size.max() > 0:
-        t = t[size > 0.1 * size.max()]
+        clear = t[size > 0.1 * size.max()]
+        at = float(t[int(np.argmax(size))])
+        # what lasts for seconds is shown about its largest moment, or nothing would be enlarged
+        t = clear[np.abs(clear - at) <= _WIDEST_S]
     margin = max(0.6 * float(t[-1] - t[0]), 0.01)
-    return float(t[0]) - margin, float(t[-1]) + margin
+    first, last = float(trial.time_s[0]), float(trial.time_s[-1])
+    return max(float(t[0]) - margin, first), min(float(t[-1]) + margin, last)
 
 
 def _motion_of(trial: CellTrial) -> tuple[float, float]:
@@ -179,9 +184,9 @@ def _residual(figure: Any, diagnosis: Diagnosis, report: Report) -> None:
             axes.axhline(0.0, color="black", lw=0.5)
             if phase in ("hold", "dwell", "clear"):
                 axes.set_xscale("log")
-            if phase == "retract":
-                axes.invert_xaxis()
             if row == 0:
+                if phase == "retract":
+                    axes.invert_xaxis()
                 marked = any(w.signal == "force" and w.phase == phase for w in report.mismatch)
                 axes.set_title(phase, fontsize=9)
                 if marked:
@@ -204,7 +209,7 @@ def _few_conditions(trials: Sequence[CellTrial]) -> list[tuple[str, list[int]]]:
         (label.replace("ramp_hold_retract ", "").replace("_", " "), members)
         for label, members in groups.items()
     ]
-    named.sort(key=lambda item: float(np.mean([trials[j].depth_mm for j in item[1]])))
+    named.sort(key=lambda item: [float(n) for n in re.findall(r"[\d.]+", item[0])])
     return (
         named
         if len(named) <= 7
@@ -219,7 +224,7 @@ def phase_curve(
     phase: str,
     members: Sequence[int],
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Return a common measure of a phase (160,) and the mean of the members' residuals over it (mN); None if empty."""
+    """Return a measure common to a phase (160,) and the members' mean residual over it (mN), or None."""
     measured = []
     for j in members:
         t = trials[j]

@@ -19,10 +19,12 @@ _VERDICTS = {
     "unknown": "Something differs that no mechanism of the library explains",
 }
 _CAPTIONS = {
-    "trial": "One trial. Points: recorded force; broken line: the simulation; solid line: the simulation with what was "
-    "left out. Below each, what is left. The stretch where they differ most is marked, and enlarged on the right.",
-    "residual": "What the simulation leaves unexplained, averaged over repeats of each condition and laid out by phase: "
-    "noise averages out, mismatch stays. Above before, below after; phases with a significant window are shaded.",
+    "trial": "One trial. Points: recorded force; broken line: the simulation; solid line: the simulation "
+    "with what was left out. Below each, what is left. Where they differ most is marked, and enlarged on the "
+    "right.",
+    "residual": "What the simulation leaves unexplained, averaged over repeats of each condition and laid "
+    "out by phase: noise averages out, mismatch stays. Above before, below after; phases with a significant "
+    "window are shaded.",
     "position": "The lever's recorded position less what its nominal servo would do, averaged over trials.",
 }
 _ROUNDED_MN = 3
@@ -77,11 +79,11 @@ def _window_cells(window: Window) -> dict[str, Any]:
     return {
         "signal": window.signal,
         "phase": window.phase,
-        "when": f"{window.start_s:.3f} – {window.stop_s:.3f}",
+        "when": f"{max(window.start_s, 0.0):.3f} – {window.stop_s:.3f}",
         "mean": _signed(window.mean_residual_um, "um")
         if position
         else _signed(window.mean_residual_mn, "mN"),
-        "rms": "" if window.rms_mn is None else f"{window.rms_mn:.{_ROUNDED_MN}g} mN",
+        "rms": "" if window.rms_mn is None else f"{window.rms_mn:.{_ROUNDED_MN}g}\u00a0mN",
         "share": f"{100 * window.share_of_mismatch:.2g} %",
         "conditions": window.conditions,
         "p": wording.chance(window.p_value),
@@ -89,7 +91,7 @@ def _window_cells(window: Window) -> dict[str, Any]:
 
 
 def _signed(value: float | None, unit: str) -> str:
-    return "" if value is None else f"{value:+.3g} {unit}"
+    return "" if value is None else f"{value:+.3g}\u00a0{unit}"
 
 
 def _tissue_rows(report: Report) -> list[dict[str, str]]:

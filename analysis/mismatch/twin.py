@@ -1,4 +1,4 @@
-"""The twin: a rig file whose simulated bench behaves as the recordings do, with what was found switched on."""
+"""The twin: a rig file whose simulated bench behaves as the recordings do, what was found switched on."""
 
 from __future__ import annotations
 

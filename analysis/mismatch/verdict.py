@@ -132,9 +132,12 @@ def make_report(
 def _locate(diagnosis: Diagnosis) -> _Places:
     problem, named = diagnosis.problem, diagnosis.named
     before, after = residual_of(problem, diagnosis.baseline), residual_of(problem, diagnosis.improved)
-    latent = {e.place: quantities.effect_of(problem, diagnosis.improved, e.place)
-              for e in chosen_of(diagnosis) if e.place is not None and e.candidate.mechanism.form != "law"
-              and diagnosis.improved.simulation.additions[e.place].latent is not None}  # fmt: skip
+    additions = diagnosis.improved.simulation.additions
+    latent = {
+        e.place: quantities.effect_of(problem, diagnosis.improved, e.place)
+        for e in chosen_of(diagnosis)
+        if e.place is not None and e.candidate.mechanism.form in ("oscillation", "event")
+    }
     trials = problem.trials
     in_latent = sum(
         float(t.counts @ e**2) for effects in latent.values() for t, e in zip(trials, effects, strict=True)
@@ -147,11 +150,14 @@ def _locate(diagnosis: Diagnosis) -> _Places:
     windows = located.force_windows(trials, before, first_p, total, whole_p=whole_p)
     for e in chosen_of(diagnosis):
         if e.place in latent:
-            words = wording.latent_conditions(
-                problem, diagnosis.improved.simulation.additions[e.place], latent[e.place]
-            )
+            words = wording.latent_conditions(problem, additions[e.place], latent[e.place])
             windows += located.effect_windows(
-                problem, diagnosis.baseline, latent[e.place], e.candidate.p_value, total, words
+                problem,
+                diagnosis.baseline,
+                latent[e.place],
+                p_value=e.candidate.p_value,
+                total=total,
+                words=words,
             )
     if not windows and named.chosen:
         strongest = chosen_of(diagnosis)[0].candidate
@@ -179,37 +185,36 @@ def _bin_p_of(diagnosis: Diagnosis, fit: JointFit) -> np.ndarray:
 def _difference_windows(
     diagnosis: Diagnosis, before: JointFit, after: JointFit, p_value: float, total: float
 ) -> tuple[Window, ...]:
-    """Return the phases in which one fit differs from another: for what is too weak to stand out of any one bin."""
+    """Return the phases in which two fits differ: for what is too weak to stand out of any one bin."""
     problem = diagnosis.problem
     effects = [problem.residual(before, j) - problem.residual(after, j) for j in range(len(problem.trials))]
-    return located.effect_windows(problem, before, effects, p_value, total, "every depth", share=0.15)
+    return located.effect_windows(
+        problem, before, effects, p_value=p_value, total=total, words="every depth", share=0.15
+    )
 
 
 def _unexplained(diagnosis: Diagnosis, before: Residual) -> tuple[Window, ...]:
     """Return the place of what is significant as a whole, though no window of it is."""
-    look = diagnosis.named.first_look
+    problem, look = diagnosis.problem, diagnosis.named.first_look
+    name = min(look.p_of, key=lambda n: look.p_of[n])
+    p_value = float(look.p_of[name])
+    words = f"looks most like {wording.spoken(name)}"
+    effects = [np.asarray(t.in_phase("hold") | t.in_phase("dwell"), dtype=float) for t in problem.trials]
     if look.quiet and look.spectrum is not None:
         at = int(np.argmin(look.spectrum_p))
-        touching = [
-            in_contact(t, o).astype(float)
-            for t, o in zip(diagnosis.problem.trials, diagnosis.baseline.own, strict=True)
-        ]
+        p_value = float(look.spectrum_p[at])
         words = f"an oscillation near {look.spectrum.frequency_hz[at]:.2g} Hz while in contact"
-        p = float(look.spectrum_p[at])
-        return located.effect_windows(diagnosis.problem, diagnosis.baseline, touching, p, before.total, words)
-    name = min(look.p_of, key=lambda n: look.p_of[n])
-    considered = [c for step in diagnosis.named.considered[:1] for c in step]
-    best = next((c for c in considered if c.mechanism.name == name), considered[0] if considered else None)
-    p_value = float(look.p_of[name])
-    if best is not None:
-        return _difference_windows(diagnosis, diagnosis.baseline, best.fit, p_value, before.total)
-    mechanism = library()[name]
-    effects = [
-        np.asarray(t.in_phase("hold") | t.in_phase("dwell"), dtype=float) for t in diagnosis.problem.trials
-    ]
-    words = f"looks most like {mechanism.name.replace('_', ' ')}"
+        pairs = zip(problem.trials, diagnosis.baseline.own, strict=True)
+        effects = [in_contact(t, o).astype(float) for t, o in pairs]
+    else:
+        considered = [c for step in diagnosis.named.considered[:1] for c in step]
+        best = next(
+            (c for c in considered if c.mechanism.name == name), considered[0] if considered else None
+        )
+        if best is not None:
+            return _difference_windows(diagnosis, diagnosis.baseline, best.fit, p_value, before.total)
     return located.effect_windows(
-        diagnosis.problem, diagnosis.baseline, effects, p_value, before.total, words
+        problem, diagnosis.baseline, effects, p_value=p_value, total=before.total, words=words
     )
 
 
@@ -275,7 +280,7 @@ def _mechanisms(diagnosis: Diagnosis) -> tuple[FoundMechanism, ...]:
         found_quantities: dict[str, Quantity] = {}
         if e.place is not None and m.form == "law":
             found_quantities = of_additions[e.place]
-        elif e.place is not None and fit.simulation.additions[e.place].latent is not None:
+        elif e.place is not None and m.form in ("oscillation", "event"):
             found_quantities = quantities.latent_quantities(problem, fit, e.place)
         found.append(
             FoundMechanism(
@@ -291,10 +296,8 @@ def _mechanisms(diagnosis: Diagnosis) -> tuple[FoundMechanism, ...]:
     if servo_named(diagnosis) and diagnosis.position is not None:
         m = library()[quantities.SERVO]
         servo = quantities.servo_quantities(diagnosis)
-        found.append(
-            FoundMechanism(m.name, m.stage, (), diagnosis.position.p_value, servo, wording.explanation(m, servo, ()),
-                           diagnosis.position.explained)
-        )  # fmt: skip
+        words, p_value = wording.explanation(m, servo, ()), diagnosis.position.p_value
+        found.append(FoundMechanism(m.name, m.stage, (), p_value, servo, words, diagnosis.position.explained))
     return tuple(found)
 
 
@@ -337,13 +340,17 @@ def _compare(diagnosis: Diagnosis, held: HeldOut) -> Comparison:
 
 
 def _explained_share(diagnosis: Diagnosis, places: _Places) -> float:
-    """Return what share of the mismatch is explained; of what never repeats, from held-out errors above the floor."""
+    """Return what share of the mismatch is explained.
+
+    Of what never repeats, from held-out errors above the floor.
+    """
     if not diagnosis.named.chosen:
         return 0.0
     if all(c.mechanism.form in ("law", "ramp") for c in diagnosis.named.chosen):
         share = 1.0 - places.left / max(places.total, 1e-12)
     else:
         floor2 = noise_floor_mn(diagnosis) ** 2
-        before, after = np.mean(diagnosis.confirmed.baseline_ms), np.mean(diagnosis.confirmed.improved_ms)
-        share = 1.0 - float((after - floor2) / max(before - floor2, 1e-12))
+        before = float(np.mean(diagnosis.confirmed.baseline_ms))
+        after = float(np.mean(diagnosis.confirmed.improved_ms))
+        share = 1.0 - (after - floor2) / max(before - floor2, 1e-12)
     return float(np.clip(share, 0.0, 1.0))

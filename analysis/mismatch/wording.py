@@ -119,7 +119,7 @@ def latent_conditions(problem: Problem, addition: Addition, effects: Sequence[Fl
     if addition.mechanism.form == "event":
         return f"in {n} of {len(problem.trials)} trials"
     frequency = addition.values.get("frequency_hz", 0.0)
-    where = "every trial" if addition.wave is not None else "every depth"
+    where = "every trial" if addition.hum is not None else "every depth"
     return f"{where}, at {frequency:.3g} Hz, phase not locked to the trial"
 
 
@@ -156,15 +156,17 @@ def summary(report: Report) -> str:
             said.append(f"Left out, it had shifted the tissue's {bias}.")
     if report.n_trials < FEW_TRIALS:
         said.append(
-            f"Only {report.n_trials} trial{'s were' if report.n_trials > 1 else ' was'} given: significance rests on blocks "
-            "within trials, taken as independent, and "
+            f"Only {report.n_trials} trial{'s were' if report.n_trials > 1 else ' was'} given: significance "
+            "rests on blocks within trials, taken as independent, and "
             + ("nothing could be held out" if report.n_trials < 3 else "little could be held out")
             + ", so slow noise may pass for an effect; record at least 8."
         )
     if report.verdict == "no_mismatch" and report.not_identifiable:
         said.append(_hidden_words(report.not_identifiable))
     if report.next_experiment is not None:
-        said.append(f"Next: {report.next_experiment.reason}")
+        said.append(
+            f"Next: run next.toml ({report.next_experiment.adds}), which is predicted to separate them."
+        )
     return " ".join(said)
 
 
@@ -172,8 +174,8 @@ def _headline(report: Report) -> str:
     heldout = report.heldout
     if report.verdict == "no_mismatch":
         return (
-            f"The simulation explains {_trials(report)} to their noise ({heldout.noise_floor_mn:.2g} mN rms a sample): "
-            "nothing is missing that these recordings could show."
+            f"The simulation explains {_trials(report)} to the noise ({heldout.noise_floor_mn:.2g} mN rms a "
+            "sample): nothing is missing that these recordings could show."
         )
     if report.verdict == "unknown":
         if not report.mechanisms:
@@ -181,14 +183,18 @@ def _headline(report: Report) -> str:
             return f"Simulation and recordings differ{where}, and no mechanism of the library explains it."
         names = listed([spoken(m.name) for m in report.mechanisms])
         where = f" {place(report.mismatch[0])}" if report.mismatch else ""
-        return f"{_capital(names)} {_was(report)} found, but something else differs{where} that no mechanism explains."
+        found = f"{_capital(names)} {_was(report)} found"
+        return f"{found}, but something else differs{where} that no mechanism of the library explains."
     names = listed([f"{spoken(m.name)}{_size(m.parameters)}" for m in report.mechanisms])
     sure = (
         f"the error on trials that were not fitted falls from {heldout.baseline_rms_mn:.3g} to "
         f"{heldout.improved_rms_mn:.3g} mN rms (noise {heldout.noise_floor_mn:.3g}; p {p_words(report)})"
     )
     if [m.stage for m in report.mechanisms] == ["lever"] and report.mechanisms[0].name == "servo_bandwidth":
-        sure = f"it shows in the recorded position (p {p_words(report)}), and the force given that position is explained"
+        sure = (
+            f"it shows in the recorded position (p {p_words(report)}), and the force given that position is "
+            "explained"
+        )
     if report.verdict == "named":
         return f"The simulation left out {names}: {sure}."
     rivals = sorted({spoken(a) for m in report.mechanisms for a in m.alternatives})

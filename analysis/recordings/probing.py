@@ -1,7 +1,7 @@
 """A first look at an unsealed file, in a process of its own: the HDF5 library may crash on a damaged one.
 
-`python -m analysis.recordings.probing` is that process: a path a line comes in, "ok" or what is wrong goes
-out. It is started when the first unsealed file is read and lives as long as its parent.
+A path a line comes in, what is wrong with the file goes out (nothing, if it is good). The process is started
+when the first unsealed file is read and lives as long as its parent.
 """
 
 from __future__ import annotations
@@ -22,6 +22,9 @@ _START_S = 60.0
 _READ_S = 5.0
 _READ_S_PER_BYTE = 1e-7
 
+# finds this package where its parent found it, installed or not
+_CHILD = "import sys; sys.path.append(sys.argv[1]); from analysis.recordings.probing import serve; serve()"
+
 
 class Probe:
     """A child process that reads a file as its parent would, and may die of it."""
@@ -36,7 +39,8 @@ class Probe:
             child = self._child or self._start()
             self._child = None  # kept only if it lives through this file
             time_s = _READ_S + _READ_S_PER_BYTE * path.stat().st_size
-            answer = _asked(child, json.dumps([str(path), cut]), time_s)
+            there = str(path.absolute())  # the child stays in the folder it was started in
+            answer = _asked(child, json.dumps([there, cut]), time_s)
             if answer is None:
                 raise BadInputError(
                     f"{path}: the HDF5 library crashes or hangs on it: the file is damaged, copy it again"
@@ -44,11 +48,11 @@ class Probe:
             self._child = child
         problem = json.loads(answer)
         if problem:
-            raise BadInputError(problem)
+            raise BadInputError(problem.replace(there, str(path)))
 
     def _start(self) -> subprocess.Popen[str]:
         child = subprocess.Popen(
-            [sys.executable, "-m", "analysis.recordings.probing"],
+            [sys.executable, "-P", "-c", _CHILD, str(Path(__file__).parents[2])],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
@@ -104,7 +108,8 @@ def _end(child: subprocess.Popen[str], parent_id: int) -> None:
                 pipe.close()
 
 
-def _serve() -> None:
+def serve() -> None:
+    """Be the child: answer until the parent closes the pipe."""
     from analysis.recordings.reading import read_unchecked
 
     for line in sys.stdin:
@@ -118,8 +123,3 @@ def _serve() -> None:
                 problem = str(error)
         sys.stdout.write(json.dumps(problem) + "\n")
         sys.stdout.flush()
-
-
-if __name__ == "__main__":
-    with contextlib.suppress(KeyboardInterrupt):
-        _serve()

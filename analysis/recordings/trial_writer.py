@@ -178,7 +178,8 @@ class TrialWriter:
         if error is None:
             self.finish()
         elif self.n_samples:
-            self.finish("aborted", " ".join(f"{type(error).__name__}: {error}".split()))
+            said = " ".join(str(error).split())
+            self.finish("aborted", f"{type(error).__name__}: {said}" if said else type(error).__name__)
         else:
             self._close()
             self.path.unlink(missing_ok=True)

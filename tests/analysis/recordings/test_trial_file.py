@@ -288,6 +288,17 @@ def test_a_running_file_of_another_program_may_end_in_nothing(foreign_file):
     assert trial.phases[-1] == Phase("hold", 40, 60)
 
 
+def test_relative_paths_mean_the_folder_of_the_moment(foreign_file, tmp_path, monkeypatch):
+    foreign_file(name="good.h5")
+    foreign_file(_with("kind", "poke"), name="bad.h5")
+    for folder in (tmp_path, tmp_path.parent):
+        monkeypatch.chdir(folder)
+        name = (tmp_path / "good.h5").relative_to(folder)
+        assert read_trial(name).n_samples == 100
+        with pytest.raises(BadInputError, match=f"^{name.with_name('bad.h5')}: /kind is 'poke'"):
+            read_trial(name.with_name("bad.h5"))
+
+
 def test_files_that_are_none(tmp_path, a_trial):
     cases = {"empty.h5": b"", "text.h5": b"time_s,position_mm\n0,1\n", "short.h5": b"\x89HDF\r\n\x1a\n"}
     words = {"empty.h5": "is empty", "text.h5": "is not an HDF5 file", "short.h5": "HDF5"}

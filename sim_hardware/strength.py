@@ -48,6 +48,8 @@ class Quiet:
     command_mm: FloatArray
     surface_mm: float
     tissue: tuple[float, ...]
+    depth_mm: float
+    phases: tuple[tuple[str, int, int], ...]
 
 
 def strength(settings: BenchSettings, effects: Sequence[EffectSettings], paths: Paths | None = None) -> float:
@@ -59,8 +61,8 @@ def strength(settings: BenchSettings, effects: Sequence[EffectSettings], paths: 
     paths = paths or Paths()
     # converters stay only where an effect is theirs: what they round off would pass for strength
     converting = any(e.name == "dropped_bit" for e in effects)
-    without = _recorded(_quiet(settings, (), converting), paths)
-    with_them = record_quietly(_quiet(settings, tuple(effects), converting), paths)
+    without = _recorded(quiet_bench(settings, (), converting), paths)
+    with_them = record_quietly(quiet_bench(settings, tuple(effects), converting), paths)
     force_mn = settings.noise.force_mn_rms or _FORCE_NOISE_MN
     position_mm = settings.noise.position_um_rms * 1e-3 or _POSITION_NOISE_MM
     gram = np.zeros((5, 5))
@@ -114,7 +116,9 @@ def _baseline(trial: Quiet, shift_mm: float, tissue: tuple[float, ...]) -> Float
     return np.maximum(force, 0.0)
 
 
-def _quiet(settings: BenchSettings, effects: tuple[EffectSettings, ...], converting: bool) -> BenchSettings:
+def quiet_bench(
+    settings: BenchSettings, effects: tuple[EffectSettings, ...], converting: bool
+) -> BenchSettings:
     """Return the bench without noise."""
     bits = settings.converters.bits if converting else 0
     return settings.model_copy(
@@ -149,17 +153,16 @@ def record_quietly(settings: BenchSettings, paths: Paths) -> tuple[Quiet, ...]:
         deep_mm = touch_mm + depth_mm
         world.advance(c.command_zero_v + c.command_volts_per_mm * _line(_PARK_MM, start_mm, 20.0))
         world.begin_trial()
-        command_mm = np.concatenate(
-            [
-                np.full(800, start_mm),
-                _line(start_mm, touch_mm, 1.0),
-                np.full(round(paths.dwell_s * SAMPLE_RATE_HZ), touch_mm),
-                _line(touch_mm, deep_mm, paths.ramp_speed_mm_s),
-                np.full(round(paths.hold_s * SAMPLE_RATE_HZ), deep_mm),
-                _line(deep_mm, start_mm, 5.0),
-                np.full(3200, start_mm),
-            ]
-        )
+        pieces = {
+            "approach": np.concatenate([np.full(800, start_mm), _line(start_mm, touch_mm, 1.0)]),
+            "dwell": np.full(round(paths.dwell_s * SAMPLE_RATE_HZ), touch_mm),
+            "ramp": _line(touch_mm, deep_mm, paths.ramp_speed_mm_s),
+            "hold": np.full(round(paths.hold_s * SAMPLE_RATE_HZ), deep_mm),
+            "retract": _line(deep_mm, start_mm, 5.0),
+            "clear": np.full(3200, start_mm),
+        }
+        command_mm = np.concatenate(list(pieces.values()))
+        stops = np.cumsum([len(piece) for piece in pieces.values()]).tolist()
         readings = world.advance(c.command_zero_v + c.command_volts_per_mm * command_mm)
         world.advance(c.command_zero_v + c.command_volts_per_mm * _line(start_mm, _PARK_MM, 20.0))
         found.append(
@@ -169,6 +172,8 @@ def record_quietly(settings: BenchSettings, paths: Paths) -> tuple[Quiet, ...]:
                 command_mm,
                 surface_mm,
                 (parts.k0_mn_per_mm, k1, tau1, k2, tau2),
+                depth_mm,
+                tuple(zip(pieces, [0, *stops[:-1]], stops, strict=True)),
             )
         )
     return tuple(found)

@@ -16,6 +16,7 @@ from analysis.mismatch.position_channel import PositionFinding, look_at_position
 from analysis.mismatch.search import LEVEL, Candidate, Named, Problem, refit_with, search
 from analysis.mismatch.signatures import Probe, accumulate
 from analysis.mismatch.start import start_own, start_rigid, start_tissue
+from analysis.mismatch.strays import Stray, find_strays
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.mechanism import Mechanism, library
 from analysis.simulation.mechanisms.finite_ramp import FiniteRamp
@@ -55,6 +56,7 @@ class Diagnosis:
     position: PositionFinding | None
     confirmed: HeldOut
     confirmed_condition: HeldOut | None
+    strays: tuple[Stray, ...]
 
     @property
     def baseline(self) -> JointFit:
@@ -136,6 +138,7 @@ def diagnose(intake: Intake, *, baseline: str = "ramp", seed: int = 0) -> Diagno
         position=look_at_position(trials, rng),
         confirmed=confirmed,
         confirmed_condition=by_condition,
+        strays=find_strays(problem, named.fits[-1]),
     )
 
 
@@ -148,7 +151,9 @@ def _finite_ramp(problem: Problem, fit: JointFit, rng: np.random.Generator) -> C
     p_value = float((1 + np.sum(signs @ gain >= gain.sum() - 1e-12)) / 5000)
     if gain.sum() <= 0 or (p_value > LEVEL and len(gain) >= 8):
         return None
-    marked = replace(refitted, simulation=replace(refitted.simulation, additions=(Addition(FiniteRamp(), {}),)))
+    marked = replace(
+        refitted, simulation=replace(refitted.simulation, additions=(Addition(FiniteRamp(), {}),))
+    )
     return Candidate(FiniteRamp(), marked, gain, p_value)
 
 
@@ -180,6 +185,14 @@ def find_alternatives(problem: Problem, named: Named, k: int) -> tuple[str, ...]
     present = {a.mechanism.name for a in final.simulation.additions}
     found = [n for n in mechanism.inseparable if n not in present]
     if mechanism.form != "law":
+        step = next((c for c in named.considered if any(x.mechanism.name == mechanism.name for x in c)), ())
+        for rival in step:
+            behind = chosen.gain - rival.gain
+            spread = float(np.std(behind) * np.sqrt(len(behind)))
+            close = float(behind.sum()) < max(2.5 * spread, SAME_GAIN * chosen.total_gain)
+            if rival.mechanism.name not in {mechanism.name, *present, *found} and close:
+                if rival.total_gain > 0.5 * chosen.total_gain:
+                    found.append(rival.mechanism.name)
         return tuple(found)
     kept = tuple(a for a in final.simulation.additions if a.mechanism.name != mechanism.name)
     without = problem.fit(replace(final.simulation, additions=kept), final.own, rounds=6)
@@ -208,7 +221,10 @@ def find_absorbed(problem: Problem, fit: JointFit) -> tuple[Absorbed, ...]:
     probes = [
         Probe(m, _slight(m))
         for m in library().values()
-        if m.form == "law" and m.typical and m.name not in present and any(m.applies(t) for t in problem.trials)
+        if m.form == "law"
+        and m.typical
+        and m.name not in present
+        and any(m.applies(t) for t in problem.trials)
     ]
     if not probes:
         return ()

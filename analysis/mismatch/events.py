@@ -21,7 +21,7 @@ FloatArray = NDArray[np.float64]
 STEP_S = 0.02
 EDGE_S = 0.06
 RISE_S = 0.0015
-REGRIP_S = 0.1
+FADING_S = 0.1
 
 
 @dataclass(frozen=True)
@@ -52,10 +52,13 @@ def event_mechanisms() -> list[Mechanism]:
 
 
 def event_rows(
-    mechanism: Mechanism, trial: CellTrial, tissue: Tissue, own: PerTrial, times_s: FloatArray
+    mechanism: Mechanism, trial: CellTrial, tissue: Tissue, own: PerTrial, times_s: FloatArray, shape: FloatArray | float = 1.0
 ) -> FloatArray:
-    """Return the force (m, n) of a unit event at each time: 1 mN lost (slip) or 1 um of shift (artefact)."""
-    after = np.clip((trial.time_s - times_s[:, None]) / RISE_S + 0.5, 0.0, 1.0)
+    """Return the force (m, n) of a unit event at each time: 1 mN lost (slip) or 1 um of shift (artefact).
+
+    ``shape`` (n,) multiplies the step.
+    """
+    after = np.clip((trial.time_s - times_s[:, None]) / RISE_S + 0.5, 0.0, 1.0) * shape
     if mechanism.stage == "contact":
         touching = in_contact(trial, own)
         lasting = touching | (trial.retracting & (trial.force_mn - own.offset_mn > 1.0))
@@ -113,7 +116,8 @@ def event_p_value(scan: EventScan) -> float:
 class EventAt:
     """The columns of an event at its own time in each trial (s, by label).
 
-    A slip has two: what is lost for good, and what comes back within a tenth of a second as the skin sticks again.
+    Each has two: what lasts, and what is gone after a tenth of a second (skin that sticks again, a finger that swings
+    to its new place).
     """
 
     mechanism: Mechanism
@@ -124,11 +128,11 @@ class EventAt:
         at = self.times_s.get(trial.label)
         if at is None:
             return np.zeros((len(trial.time_s), 0))
-        lasting = event_rows(self.mechanism, trial, tissue, own, np.array([at])).T
-        if self.mechanism.stage != "contact":
-            return lasting
-        back = np.exp(-np.maximum(trial.time_s - at, 0.0) / REGRIP_S)
-        return np.column_stack([lasting, lasting[:, 0] * back])
+        fading = np.exp(-np.maximum(trial.time_s - at, 0.0) / FADING_S)
+        when = np.array([at])
+        return np.column_stack(
+            [event_rows(self.mechanism, trial, tissue, own, when, shape)[0] for shape in (1.0, fading)]
+        )
 
 
 def event_addition(mechanism: Mechanism, times_s: Mapping[str, float]) -> Addition:

@@ -59,7 +59,9 @@ class Whitener:
         for variance, tau_s in noise.parts:
             # averaging over a cell leaves less of a quick part: var(mean) = 2 v (u - 1 + e^-u) / u^2
             u = width_s / tau_s
-            mean_variance = np.where(u > 1e-3, 2 * variance * (u + np.expm1(-u)) / np.maximum(u, 1e-3) ** 2, variance)
+            mean_variance = np.where(
+                u > 1e-3, 2 * variance * (u + np.expm1(-u)) / np.maximum(u, 1e-3) ** 2, variance
+            )
             quick = u > 1.0
             shrink += np.where(quick, mean_variance - variance, 0.0)
             term = terms.RealTerm(a=variance, c=1.0 / tau_s)
@@ -92,7 +94,9 @@ def measure_noise(residuals: Sequence[FloatArray], sample_rate_hz: float) -> Noi
     as noise.
     """
     length = min(round(SEGMENT_S * sample_rate_hz), max(16, min(len(r) for r in residuals)))
-    spectra = [welch(r, sample_rate_hz, nperseg=length, detrend="linear")[1] for r in residuals if len(r) >= length]
+    spectra = [
+        welch(r, sample_rate_hz, nperseg=length, detrend="linear")[1] for r in residuals if len(r) >= length
+    ]
     frequency = np.fft.rfftfreq(length, 1.0 / sample_rate_hz)
     power = np.mean(spectra, axis=0)
     edges = np.unique(np.round(np.geomspace(1.5, len(frequency) - 1, 40)).astype(int))
@@ -109,9 +113,11 @@ def measure_noise(residuals: Sequence[FloatArray], sample_rate_hz: float) -> Noi
     share = np.zeros(basis.shape[1])
     for _ in range(6):
         share, _ = nnls(basis * weight[:, None], p * weight)
-        weight = 1.0 / np.maximum(basis @ share, 1e-3 * p)
+        weight = 1.0 / np.maximum(basis @ share, 0.7 * p)
     white = max(float(share[0]), 1e-3 * float(np.median(p)) * sample_rate_hz / 2.0)
     parts = tuple(
-        (float(v), t) for v, t in zip(share[1:], taus, strict=True) if 4.0 * v * t > 0.3 * 2.0 * white / sample_rate_hz
+        (float(v), t)
+        for v, t in zip(share[1:], taus, strict=True)
+        if 4.0 * v * t > 0.3 * 2.0 * white / sample_rate_hz
     )
     return NoiseModel(float(np.sqrt(white)), parts)

@@ -15,7 +15,7 @@ from scipy.stats import chi2 as chi2_distribution
 
 from analysis.mismatch.joint import Addition, Hum, JointFit, project_out
 from analysis.mismatch.noise import Whitener
-from analysis.mismatch.surface_motion import surface_force
+from analysis.mismatch.surface_motion import in_contact, surface_force
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.forward import PerTrial
 from analysis.simulation.mechanism import Mechanism, Tissue, library
@@ -85,6 +85,37 @@ def surface_spectrum(
     return Spectrum(frequency_hz, power)
 
 
+def quick_spectrum(
+    trials: Sequence[CellTrial], residuals_mn: Sequence[FloatArray], fit: JointFit, frequency_hz: FloatArray
+) -> Spectrum:
+    """Return the power of quick movements of the surface (above some 4 Hz), where the tissue is a mere spring.
+
+    The residual in contact is correlated with each frequency's two quadratures; what the shared parameters could
+    absorb at such frequencies is nothing.
+    """
+    power = np.ones((len(trials), len(frequency_hz)))
+    for j, (trial, residual) in enumerate(zip(trials, residuals_mn, strict=True)):
+        inside = in_contact(trial, fit.own[j]) & trial.fitted
+        if trial.kind in ("air_sweep", "rigid_target") or inside.sum() < 50:
+            continue
+        weight = trial.counts[inside]
+        r = residual[inside]
+        r = (r - np.average(r, weights=weight)) * weight
+        turning = np.exp(-2j * np.pi * frequency_hz[:, None] * trial.time_s[inside])
+        raw = np.abs(turning @ r) ** 2
+        level = np.median(raw) / np.log(2.0)
+        power[j] = raw / max(float(level), 1e-30)
+    return Spectrum(frequency_hz, power)
+
+
+def smoothed(spectrum: Spectrum, half_width_hz: float) -> Spectrum:
+    """Return the spectrum averaged over a band about each frequency: for oscillations that wander."""
+    f = spectrum.frequency_hz
+    total = np.cumsum(np.hstack([np.zeros((len(spectrum.power), 1)), spectrum.power]), axis=1)
+    low, high = np.searchsorted(f, f - half_width_hz), np.searchsorted(f, f + half_width_hz, side="right")
+    return Spectrum(f, (total[:, high] - total[:, low]) / (high - low))
+
+
 def oscillation_scores(spectrum: Spectrum) -> FloatArray:
     """Return scores (T, F): cube-rooted power less that of the neighbours on both sides (logarithmic)."""
     root = np.cbrt(spectrum.power)
@@ -101,8 +132,51 @@ def oscillation_scores(spectrum: Spectrum) -> FloatArray:
 
 
 def scan_frequencies() -> FloatArray:
-    """Return the frequencies of the scan: logarithmic, from half below the breath to above the tremor."""
-    return np.geomspace(0.035, 30.0, 200)
+    """Return the frequencies of the slow scan: logarithmic, from well below the breath to above the pulse."""
+    return np.geomspace(0.035, 9.0, 150)
+
+
+def quick_frequencies() -> FloatArray:
+    """Return the frequencies of the quick scan: 3 to 28 Hz, as fine as a trial of ten seconds resolves."""
+    return np.arange(3.0, 28.0, 0.06)
+
+
+def stray_lines(
+    residuals: Sequence[FloatArray], sample_rate_hz: float, above_hz: float
+) -> list[tuple[float, float, float]]:
+    """Return lines that stand out over all trials anywhere in the spectrum: (frequency Hz, rms, p-value).
+
+    Power is taken relative to the median of its neighbourhood and summed over trials, line by line and over
+    +-0.4 Hz for lines that wander.
+    """
+    shortest = min(len(r) for r in residuals)
+    if shortest < 1024:
+        return []
+    frequency = np.fft.rfftfreq(shortest, 1.0 / sample_rate_hz)
+    width = max(8, round(4.0 / frequency[1]))
+    relative = np.zeros(len(frequency))
+    absolute = np.zeros(len(frequency))
+    for r in residuals:
+        power = np.abs(np.fft.rfft(r[:shortest] - np.mean(r[:shortest]))) ** 2
+        # the median of blocks, interpolated: a running median at a hundredth of the price
+        blocks = power[1 : 1 + (len(power) - 1) // width * width].reshape(-1, width)
+        level = np.median(blocks, axis=1) / np.log(2.0)
+        centres = 1 + width * (np.arange(len(level)) + 0.5)
+        relative += power / np.maximum(np.interp(np.arange(len(power)), centres, level), 1e-300)
+        absolute += power
+    n = len(residuals)
+    usable = (frequency > above_hz) & (frequency < 0.49 * sample_rate_hz)
+    found = []
+    for half in (0, max(1, round(0.4 / frequency[1]))):
+        kernel = np.ones(2 * half + 1)
+        total = np.convolve(relative, kernel, mode="same")
+        p = np.where(usable, chi2_distribution.sf(2.0 * total / 1.05, 2 * n * len(kernel)), 1.0)
+        p = np.minimum(1.0, p * 2.0 * usable.sum() / len(kernel))
+        k = int(np.argmin(p))
+        around = slice(max(0, k - half), k + half + 1)
+        rms = float(np.sqrt(2.0 * absolute[around].sum() / n)) / shortest
+        found.append((float(frequency[k]), rms, float(p[k])))
+    return found
 
 
 @dataclass(frozen=True)

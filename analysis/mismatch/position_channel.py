@@ -51,9 +51,19 @@ def look_at_position(trials: Sequence[CellTrial], rng: np.random.Generator) -> P
     used = [t for t in trials if t.has_command]
     if not used:
         return None
-    noise_mm = float(
-        np.median([np.median(np.abs(np.diff(t.servo_residual_mm[t.counts == 1]))) for t in used if (t.counts == 1).sum() > 10])
-    ) / 0.6745 / np.sqrt(2.0)
+    noise_mm = (
+        float(
+            np.median(
+                [
+                    np.median(np.abs(np.diff(t.servo_residual_mm[t.counts == 1])))
+                    for t in used
+                    if (t.counts == 1).sum() > 10
+                ]
+            )
+        )
+        / 0.6745
+        / np.sqrt(2.0)
+    )
     noise_mm = max(noise_mm, 1e-6)
     scores, by_bin, grams, means, counts, gains = [], [], [], [], [], []
     for t in used:

@@ -21,6 +21,7 @@ from analysis.mismatch.events import (
 from analysis.mismatch.joint import Addition, JointFit, Simulation, fit_jointly
 from analysis.mismatch.noise import Whitener
 from analysis.mismatch.oscillations import (
+    Band,
     Spectrum,
     bands,
     hum_addition,
@@ -28,7 +29,10 @@ from analysis.mismatch.oscillations import (
     line_power,
     mains_lines,
     oscillation_scores,
+    quick_frequencies,
+    quick_spectrum,
     scan_frequencies,
+    smoothed,
     surface_addition,
     surface_spectrum,
 )
@@ -51,6 +55,9 @@ SMALL_SHARE = 0.10
 SMALL_MUST_EXPLAIN = 0.80
 EVENT_SCORE = 4.5
 SAME_EVENT_S = 0.3
+MOST_TRIALS = 0.6
+WANDERING_HZ = 0.5
+QUICK_ABOVE_HZ = 4.0
 FEW_CONTRIBUTE = 7.0
 
 
@@ -133,8 +140,7 @@ class Look:
     p_of: dict[str, float]
     best: dict[str, list[tuple[float, Probe, float]]]
     bin_p: FloatArray
-    spectrum: Spectrum | None
-    spectrum_p: FloatArray
+    spectra: tuple[Spectrum, ...]
     scans: tuple[EventScan, ...]
     critical: float
 
@@ -193,13 +199,16 @@ def look(problem: Problem, fit: JointFit, rng: np.random.Generator) -> Look:
     seen = signatures.norm > 1e-4 * np.maximum(signatures.raw_norm, 1e-12)
     blocks = [signatures.scores * seen, signatures.bin_scores]
     sided = [np.array([p.mechanism.one_sided for p in probes], dtype=bool), np.zeros(2 * OUTSIDE, dtype=bool)]
-    spectrum = None
+    spectra: list[Spectrum] = []
     many = len(problem.trials) >= FEW_TRIALS
     skin = any(t.kind not in ("air_sweep", "rigid_target") for t in problem.trials)
     if many and skin:
-        spectrum = surface_spectrum(problem.trials, problem.whiteners, fit, scan_frequencies())
-        blocks.append(oscillation_scores(spectrum))
-        sided.append(np.ones(len(spectrum.frequency_hz), dtype=bool))
+        quick = quick_spectrum(problem.trials, problem.residuals(fit), fit, quick_frequencies())
+        slow = surface_spectrum(problem.trials, problem.whiteners, fit, scan_frequencies())
+        spectra = [slow, quick, smoothed(quick, WANDERING_HZ)]
+        for spectrum in spectra:
+            blocks.append(oscillation_scores(spectrum))
+            sided.append(np.ones(len(spectrum.frequency_hz), dtype=bool))
     scans = ()
     if skin:
         absent = [m for m in event_mechanisms() if m.name not in present]
@@ -217,17 +226,19 @@ def look(problem: Problem, fit: JointFit, rng: np.random.Generator) -> Look:
             p_of[probe.mechanism.name] = min(p_of[probe.mechanism.name], strict(float(p)))
     m = len(probes)
     bin_p = test.p_value[m : m + 2 * OUTSIDE].reshape(2, OUTSIDE)
-    spectrum_p = test.p_value[m + 2 * OUTSIDE : len(test.p_value) - len(signed)]
+    at = m + 2 * OUTSIDE
+    for spectrum in spectra:
+        spectrum_p = test.p_value[at : at + len(spectrum.frequency_hz)]
+        at += len(spectrum.frequency_hz)
+        for band in bands():
+            inside = (spectrum.frequency_hz >= band.lower_hz) & (spectrum.frequency_hz <= band.upper_hz)
+            if band.mechanism not in present and inside.any():
+                p_of[band.mechanism] = min(p_of.get(band.mechanism, 1.0), float(spectrum_p[inside].min()))
     for scan in scans:
         p_of[scan.mechanism.name] = strict(event_p_value(scan))
     for scan, p in zip(signed, test.p_value[len(test.p_value) - len(signed) :], strict=True):
         p_of[scan.mechanism.name] = min(p_of[scan.mechanism.name], float(p))
-    if spectrum is not None:
-        for band in bands():
-            inside = (spectrum.frequency_hz >= band.lower_hz) & (spectrum.frequency_hz <= band.upper_hz)
-            if band.mechanism not in present:
-                p_of[band.mechanism] = float(spectrum_p[inside].min())
-    return Look(signatures, p_of, best_probes(signatures), bin_p, spectrum, spectrum_p, scans, test.critical)
+    return Look(signatures, p_of, best_probes(signatures), bin_p, tuple(spectra), scans, test.critical)
 
 
 def few_trials_p_value(signatures: Signatures) -> FloatArray:
@@ -297,11 +308,11 @@ def surface_candidates(problem: Problem, fit: JointFit, seen: Look, to_beat: flo
 
     Bands whose whole power is far below ``to_beat``, the gain of a law, are not worth a fit.
     """
-    if seen.spectrum is None:
+    if not seen.spectra:
         return []
     found = []
-    f, power = seen.spectrum.frequency_hz, seen.spectrum.power
     for band in bands():
+        f, power = _spectrum_for(band, seen).frequency_hz, _spectrum_for(band, seen).power
         if seen.p_of.get(band.mechanism, 1.0) > LEVEL:
             continue
         inside = (f >= band.lower_hz) & (f <= band.upper_hz)
@@ -323,6 +334,11 @@ def surface_candidates(problem: Problem, fit: JointFit, seen: Look, to_beat: flo
             )
         found.append(max(options, key=lambda c: c.total_gain))
     return found
+
+
+def _spectrum_for(band: Band, seen: Look) -> Spectrum:
+    slow, quick, _ = seen.spectra
+    return quick if band.lower_hz >= QUICK_ABOVE_HZ else slow
 
 
 def _latent_candidate(mechanism: Mechanism, fit: JointFit, refitted: JointFit, p_value: float) -> Candidate:
@@ -423,8 +439,8 @@ def search(problem: Problem, baseline: JointFit, rng: np.random.Generator) -> Na
         considered.append(tuple(found))
         if not found:
             break
-        best = found[0]
-        if not _worth_naming(problem, fits[-1], best, explained):
+        best = next((c for c in found if _worth_naming(problem, fits[-1], c, explained)), None)
+        if best is None or best.total_gain < 0.5 * found[0].total_gain:
             break
         chosen.append(best)
         fits.append(best.fit)
@@ -438,7 +454,10 @@ def _worth_naming(problem: Problem, fit: JointFit, best: Candidate, explained: f
 
     A rough law's remainder can look like a little of anything; only what takes most of it away earns a name.
     """
-    if best.mechanism.form != "law":
+    if best.mechanism.form == "oscillation":
+        # an oscillation is in every trial; what is in a few is something else's remainder
+        return best.total_gain > 0.02 * explained and float(np.mean(best.gain > 0)) >= MOST_TRIALS
+    if best.mechanism.form == "event":
         return best.total_gain > 0.02 * explained
     left = max(problem.weighed_repeatable(fit), 0.0)
     slack = 2.0 * np.sqrt(2.0 * OUTSIDE)

@@ -33,7 +33,7 @@ TRAVEL_MIDDLE_MM = 5.0
 class CellTrial:
     """One trial in n cells; every other array is (n,).
 
-    ``full_force_mn`` (N,) keeps every sample of the force. ``time_s`` is the cells' centres, counted from the first sample; ``counts`` the samples in each;
+    ``full_force_mn`` and ``full_servo_residual_mm`` (N,) keep every sample. ``time_s`` is the cells' centres, counted from the first sample; ``counts`` the samples in each;
     ``position_mm``, ``velocity_mm_s``, ``acceleration_mm_s2`` the smoothed motion; ``force_mn`` and
     ``servo_residual_mm`` (recorded position less the nominal servo's) plain averages of what was recorded;
     ``servo_signature_mm`` (n, 2) the change of the servo's position by ln(natural frequency) and ln(damping); ``phase`` indexes PHASE_NAMES (-1: none).
@@ -48,6 +48,7 @@ class CellTrial:
     starts: IntArray
     counts: FloatArray
     full_force_mn: NDArray[np.float32]
+    full_servo_residual_mm: NDArray[np.float32]
     time_s: FloatArray
     position_mm: FloatArray
     velocity_mm_s: FloatArray
@@ -214,6 +215,7 @@ def reduce_trial(
         starts=starts,
         counts=counts,
         full_force_mn=trial.force_mn.astype(np.float32),
+        full_servo_residual_mm=motion.servo_residual_mm.astype(np.float32),
         time_s=(starts + (counts - 1) / 2) / trial.sample_rate_hz,
         position_mm=mean(motion.position_mm),
         velocity_mm_s=mean(motion.velocity_mm_s),

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Values
 from analysis.simulation.cells import CellTrial
+from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Values
 
 
 class Adhesion(Mechanism):

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Values
-from analysis.simulation.cells import CellTrial
-from analysis.simulation.mechanism import Tissue
-
 import numpy as np
+
+from analysis.simulation.cells import CellTrial
+from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Tissue, Values
 
 
 class ParallelDashpot(Mechanism):

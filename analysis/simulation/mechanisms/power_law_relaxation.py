@@ -6,8 +6,8 @@ from math import gamma
 
 import numpy as np
 
-from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Tissue, Values
 from analysis.simulation.cells import CellTrial
+from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Tissue, Values
 from analysis.simulation.response import arms_force
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Tissue, Values
 from analysis.simulation.cells import CellTrial
+from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Tissue, Values
 from analysis.simulation.response import arm_force
 
 

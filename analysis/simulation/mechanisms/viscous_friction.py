@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Values
 from analysis.simulation.cells import CellTrial
+from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Values
 
 
 class ViscousFriction(Mechanism):

@@ -1,0 +1,119 @@
+"""What no law of the library has the shape of: lines where nothing should swing, single samples far off."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm, poisson
+
+from analysis.mismatch.joint import JointFit
+from analysis.mismatch.oscillations import stray_lines
+from analysis.mismatch.search import Problem
+from analysis.recordings.trial import PHASE_NAMES
+from analysis.simulation.cells import CellTrial
+
+FloatArray = NDArray[np.float64]
+
+STRAY_LEVEL = 2e-4
+LINES_ABOVE_HZ = 15.0
+FAR_OFF = 6.0
+
+
+@dataclass(frozen=True, slots=True)
+class Stray:
+    """Something unexplained that does not repeat at one place: its channel, words, size and significance.
+
+    ``rms`` is in mN or mm by ``signal``; ``start_s`` and ``stop_s`` the medians over trials of where it shows;
+    ``phase`` the phase that holds most of it.
+    """
+
+    signal: Literal["force", "position"]
+    words: str
+    phase: str
+    start_s: float
+    stop_s: float
+    rms: float
+    p_value: float
+
+
+def find_strays(problem: Problem, fit: JointFit) -> tuple[Stray, ...]:
+    """Return lines and far-off samples in force and position that are left after a fit."""
+    trials = problem.trials
+    rate = trials[0].sample_rate_hz
+    force = [problem.full_residual(fit, j) for j in range(len(trials))]
+    found: list[Stray] = []
+    found += _lines("force", force, trials, rate)
+    found += _far_off("force", force, trials)
+    with_command = [t for t in trials if t.has_command]
+    if with_command:
+        position = [_slow_taken_out(t) for t in with_command]
+        found += _lines("position", position, with_command, rate)
+        found += _far_off("position", position, with_command)
+    return tuple(found)
+
+
+def _slow_taken_out(trial: CellTrial) -> FloatArray:
+    """Return the position residual less its moving average over 50 ms, so that only the quick is left."""
+    r = trial.full_servo_residual_mm.astype(np.float64)
+    width = max(3, round(0.05 * trial.sample_rate_hz))
+    padded = np.pad(r, (width // 2, width - 1 - width // 2), mode="edge")
+    total = np.cumsum(np.concatenate([[0.0], padded]))
+    left = r - (total[width:] - total[:-width]) / width
+    # where the arm is accelerated the servo is judged by its own signature
+    moving = np.abs(trial.acceleration_mm_s2) > 50.0
+    left[np.repeat(moving, trial.counts.astype(np.int64))] = 0.0
+    return left
+
+
+def _lines(
+    signal: Literal["force", "position"],
+    residuals: Sequence[FloatArray],
+    trials: Sequence[CellTrial],
+    rate: float,
+) -> list[Stray]:
+    above = LINES_ABOVE_HZ if signal == "force" else 25.0
+    lines = [line for line in stray_lines(residuals, rate, above) if line[2] < STRAY_LEVEL]
+    if not lines:
+        return []
+    frequency, rms, p = min(lines, key=lambda line: line[2])
+    words = f"a line at {frequency:.4g} Hz"
+    stop = float(np.median([t.time_s[-1] for t in trials]))
+    longest = max(PHASE_NAMES, key=lambda name: float(trials[0].counts[trials[0].in_phase(name)].sum()))
+    return [Stray(signal, words, longest, 0.0, stop, rms, p)]
+
+
+def _far_off(
+    signal: Literal["force", "position"], residuals: Sequence[FloatArray], trials: Sequence[CellTrial]
+) -> list[Stray]:
+    """Count samples beyond six robust standard deviations; a kink's neighbourhood does not count."""
+    count, total, sizes, where = 0, 0, [], []
+    for trial, r in zip(trials, residuals, strict=True):
+        at_rest = np.repeat(trial.fitted & (trial.counts > 1), trial.counts.astype(np.int64))
+        if signal == "force":
+            at_rest = at_rest[np.repeat(trial.fitted, trial.counts.astype(np.int64))]
+        jump = r[1:-1] - 0.5 * (r[:-2] + r[2:])
+        jump = jump[at_rest[1:-1]]
+        if len(jump) < 100:
+            continue
+        sigma = max(float(np.median(np.abs(jump))) / 0.6745, 1e-12)
+        far = np.abs(jump) > FAR_OFF * sigma
+        count += int(far.sum())
+        total += len(jump)
+        sizes.extend(np.abs(jump[far]).tolist())
+        where.extend((np.flatnonzero(at_rest)[np.flatnonzero(far)] / trial.sample_rate_hz).tolist())
+    expected = 2.0 * norm.sf(FAR_OFF) * total * 3.0 + 0.02
+    p = float(poisson.sf(count - 1, expected)) if count else 1.0
+    if p >= STRAY_LEVEL:
+        return []
+    rms = float(np.sqrt(np.mean(np.square(sizes))))
+    unit = "mN" if signal == "force" else "mm"
+    words = f"{count} single samples far off the others, by {rms:.2g} {unit}"
+    middle = float(np.median(where))
+    trial = trials[0]
+    cell = int(np.clip(np.searchsorted(trial.time_s, middle), 0, len(trial.time_s) - 1))
+    phase = PHASE_NAMES[int(trial.phase[cell])] if trial.phase[cell] >= 0 else "hold"
+    return [Stray(signal, words, phase, float(min(where)), float(max(where)), rms, p)]

@@ -24,6 +24,7 @@ STUDY = """
 kind = "study"
 [study]
 rest_s = [120.0, 180.0]
+surface_positions_mm = [4.0]
 [surface]
 start_mm = 2.5
 samples_per_read = 40

@@ -1,4 +1,4 @@
-"""Calibration finds the constants of a bench it knows nothing of, and its intervals hold as often as they say.
+"""Calibration finds the constants of a bench it knows nothing of; its intervals hold as often as they say.
 
 The normal tests calibrate through the driver's client. The campaign of 200 benches stands the same runner
 before the simulated world itself, without the card between, for speed.

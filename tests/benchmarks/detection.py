@@ -1,6 +1,6 @@
 """Detection power with many replicates: one study with an effect and one without, and fresh noise each time.
 
-What the effect adds to the force, scaled to any strength, is put onto the noise-free study, and the statistics
+What the effect adds to the force, scaled to any strength, is put onto the noise-free study; the statistics
 of `analysis.mismatch` look at it as they do first of all: the baseline fitted, everything scored together.
 """
 

@@ -19,7 +19,7 @@ from pathlib import Path
 from analysis.errors import BadInputError
 
 _START_S = 60.0
-_READ_S = 5.0
+_READ_S = 3.0
 _READ_S_PER_BYTE = 1e-7
 
 # finds this package where its parent found it, installed or not

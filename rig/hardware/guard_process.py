@@ -58,6 +58,7 @@ def main() -> int:
             program=orders["program"],
             heartbeat_timeout_s=settings.heartbeat_timeout_s,
             to_safety=lambda: bring_to_safety(card, card_settings, lever, calibration),
+            free=card.clear_left_over_tasks,
         )
 
 
@@ -74,6 +75,7 @@ def _watch(
     program: int,
     heartbeat_timeout_s: float,
     to_safety: Callable[[], Retreat],
+    free: Callable[[], None],
 ) -> int:
     away = False
     heard_s = time.monotonic()
@@ -91,8 +93,12 @@ def _watch(
                 return 0
             if word in {"away", "safe"}:
                 away = word == "away"
+        if dead and not away:
+            _log.info("the program is gone, the arm is safe: freeing the card")
+            free()
+            return 0
         if dead:
-            return _move("the program is gone", to_safety, program=None) if away else 0
+            return _move("the program is gone", to_safety, program=None)
         if away and time.monotonic() - heard_s > heartbeat_timeout_s:
             _move(f"no sign of life for {heartbeat_timeout_s:g} s", to_safety, program=program)
             away = False

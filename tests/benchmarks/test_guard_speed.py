@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import time
@@ -18,7 +19,7 @@ from rig.config import parse_rig
 from rig.hardware.companion import Companion
 from rig.hardware.remote import ControlService
 
-N_KILLS = 100
+N_KILLS = int(os.environ.get("INDENTER_KILLS", "100"))
 AIM_S = 0.5
 SAFE_V = 0.5 * 2.042 - 10.0
 NEAR_V = 0.001

@@ -44,6 +44,12 @@ with Guard(rig, rig.card.address, calibration) as guard:
             lever.read(80)
 """
 
+RESTING = """
+        print(guard.pid, flush=True)
+        while True:
+            lever.read(80)
+"""
+
 
 @contextmanager
 def pressing(rig_file: Path) -> Iterator[tuple[subprocess.Popen[bytes], int]]:
@@ -104,6 +110,24 @@ def test_kill_9_brings_the_arm_to_safety(real_time_bench: Any, rig_file: Path, t
     log = (tmp_path / "guard.log").read_text()
     assert "the program is gone" in log
     assert "arm moved from" in log
+
+
+def test_a_program_killed_with_the_arm_safe_leaves_the_card_free(
+    real_time_bench: Any, rig_file: Path, tmp_path: Path
+) -> None:
+    program = subprocess.Popen(
+        [sys.executable, "-c", PRESSING.split("        playback =")[0] + RESTING, str(rig_file)],
+        stdout=subprocess.PIPE,
+    )
+    assert program.stdout is not None
+    guard = int(program.stdout.readline())
+    program.kill()
+    program.wait()
+    program.stdout.close()
+    seconds_until(lambda: not alive(guard), within_s=10.0)
+    assert "arm moved" not in (tmp_path / "guard.log").read_text()
+    with real_time_bench.lever() as lever:
+        assert lever.commanded_mm == pytest.approx(0.5, abs=0.002)
 
 
 def test_a_program_that_hangs_is_relieved_of_the_arm(

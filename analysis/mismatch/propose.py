@@ -312,10 +312,10 @@ def _statistics(
 def _only_what_is_known_to_help(
     judged: dict[tuple[str, int], _Statistics], items: Sequence[Item], features: Sequence[Feature], base: str
 ) -> None:
-    """Silence features beside the one that the library names, where the rival's law fits too badly to be trusted.
+    """Silence features beside those that the library names, where a rival's law fits too badly to be trusted.
 
-    Real effects follow laws roughly: of two inseparable ones the worse fits visibly worse, and its misfit would
-    pass for separation under any protocol.
+    Real effects follow laws roughly: of two inseparable ones the worse fits visibly worse, and its misfit
+    would pass for separation under any protocol.
     """
     for i, item in enumerate(items):
         if judged[base, i].strength <= PLENTY:

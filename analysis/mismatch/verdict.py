@@ -27,7 +27,7 @@ from analysis.mismatch.report import (
 from analysis.mismatch.search import LEVEL, Candidate, Look
 from analysis.mismatch.signatures import accumulate
 from analysis.mismatch.signflip import flip_test
-from analysis.mismatch.surface_motion import in_contact
+from analysis.mismatch.strays import Stray
 from analysis.simulation.mechanism import library
 
 SMALL_REMAINDER = 0.10
@@ -59,17 +59,9 @@ def servo_named(diagnosis: Diagnosis) -> bool:
     return position is not None and position.p_value <= LEVEL and position.explained >= SERVO_EXPLAINS
 
 
-def restless(look: Look) -> bool:
-    """Whether anything is significant: a law, a window, an event, or an oscillation at any frequency."""
-    return smallest_p(look) <= LEVEL
-
-
 def smallest_p(look: Look, more: Sequence[float] = ()) -> float:
     """Return the p-value of a residual as a whole: the smallest of all that were tested together."""
-    found = [*look.p_of.values(), float(look.bin_p.min()), *more]
-    if look.spectrum_p.size:
-        found.append(float(look.spectrum_p.min()))
-    return float(min(found))
+    return float(min([1.0, *look.p_of.values(), float(look.bin_p.min()), *more]))
 
 
 @dataclass(frozen=True)
@@ -164,14 +156,15 @@ def _locate(diagnosis: Diagnosis) -> _Places:
         windows = _difference_windows(
             diagnosis, diagnosis.baseline, diagnosis.improved, strongest.p_value, total
         )
-    if not windows and restless(named.first_look):
+    if not windows and not named.first_look.quiet:
         windows = _unexplained(diagnosis, before)
     left: tuple[Window, ...] = ()
     if named.chosen:
         left = located.force_windows(
             trials, after, named.last_look.bin_p, total, whole_p=smallest_p(named.last_look), all_of_them=True
         )
-    return _Places(tuple(sorted(windows, key=lambda w: -w.share_of_mismatch)), left, total, after.total)
+    windows = tuple(sorted(windows, key=lambda w: -w.share_of_mismatch))
+    return _Places(windows, left, total, after.total)
 
 
 def _bin_p_of(diagnosis: Diagnosis, fit: JointFit) -> np.ndarray:
@@ -198,21 +191,12 @@ def _unexplained(diagnosis: Diagnosis, before: Residual) -> tuple[Window, ...]:
     problem, look = diagnosis.problem, diagnosis.named.first_look
     name = min(look.p_of, key=lambda n: look.p_of[n])
     p_value = float(look.p_of[name])
+    considered = [c for step in diagnosis.named.considered[:1] for c in step]
+    best = next((c for c in considered if c.mechanism.name == name), considered[0] if considered else None)
+    if best is not None:
+        return _difference_windows(diagnosis, diagnosis.baseline, best.fit, p_value, before.total)
     words = f"looks most like {wording.spoken(name)}"
     effects = [np.asarray(t.in_phase("hold") | t.in_phase("dwell"), dtype=float) for t in problem.trials]
-    if look.quiet and look.spectrum is not None:
-        at = int(np.argmin(look.spectrum_p))
-        p_value = float(look.spectrum_p[at])
-        words = f"an oscillation near {look.spectrum.frequency_hz[at]:.2g} Hz while in contact"
-        pairs = zip(problem.trials, diagnosis.baseline.own, strict=True)
-        effects = [in_contact(t, o).astype(float) for t, o in pairs]
-    else:
-        considered = [c for step in diagnosis.named.considered[:1] for c in step]
-        best = next(
-            (c for c in considered if c.mechanism.name == name), considered[0] if considered else None
-        )
-        if best is not None:
-            return _difference_windows(diagnosis, diagnosis.baseline, best.fit, p_value, before.total)
     return located.effect_windows(
         problem, diagnosis.baseline, effects, p_value=p_value, total=before.total, words=words
     )
@@ -261,7 +245,7 @@ def _verdict(
     too_much = remainder is not None and (
         remainder.share >= SMALL_REMAINDER or remainder.rms_mn >= tolerance_mn
     )
-    force_unknown = not diagnosis.named.chosen and restless(diagnosis.named.first_look)
+    force_unknown = not diagnosis.named.chosen and not diagnosis.named.first_look.quiet
     if lever_unknown or too_much or force_unknown:
         return "unknown"
     if not mechanisms:

@@ -127,6 +127,9 @@ def _executor(n_files: int, jobs: int | None, dask: str | None) -> Iterator[Exec
     if workers == 1 or (jobs is None and n_files <= _FEW):
         yield None
         return
+    # the processes are the parallelism: threads of linear algebra beside them only get in each other's way
+    for library in ("OPENBLAS", "OMP", "MKL"):
+        os.environ.setdefault(f"{library}_NUM_THREADS", "1")
     # a fresh server process, loaded once, is forked from: quick, and safe whatever threads run here
     method = "forkserver" if "forkserver" in get_all_start_methods() else "spawn"
     context = get_context(method)

@@ -43,6 +43,7 @@ class _Pieces:
     speed_mm_s: FloatArray  # (S,)
     counts: FloatArray  # (S,) samples in the piece
     first_s: FloatArray  # (S,) from the piece's start to its first sample
+    ages_s: FloatArray  # (S,) sum over the samples of the time since the piece's start
     spacing_s: FloatArray  # (S,)
     inside: FloatArray  # (S,) 1 in contact
     entries: FloatArray  # (S,) +1 where contact is made at the piece's start, -1 where it is lost
@@ -52,21 +53,32 @@ class _Pieces:
 def block_answer(blocks: Blocks, contact_mm: float, times_s: Sequence[float]) -> BlockAnswer:
     """Return the answer to the depth max(position - contact, 0) for arms of the given times."""
     pieces = _depth_pieces(blocks, contact_mm)
-    mean_age_s = pieces.first_s + 0.5 * (pieces.counts - 1.0) * pieces.spacing_s
-    depth_sum = pieces.counts * (pieces.depth_mm[:-1] + pieces.speed_mm_s * mean_age_s)
-    arms = [_arm_sums(pieces, tau_s) for tau_s in times_s]
-    stacked = np.stack(
-        [
-            depth_sum,
-            *(arm[0] for arm in arms),
-            -pieces.counts * pieces.inside,
-            *(arm[1] for arm in arms),
-            *(arm[2] for arm in arms),
-        ]
-    )
-    means = np.add.reduceat(stacked, pieces.first_of_block, axis=1) / blocks.counts
-    n = 1 + len(arms)
+    n = 1 + len(times_s)
+    sums = np.empty((3 * n - 1, len(pieces.counts)))
+    sums[0] = pieces.counts * pieces.depth_mm[:-1] + pieces.speed_mm_s * pieces.ages_s
+    sums[n] = -pieces.counts * pieces.inside
+    if n > 1:
+        _fill_arms(pieces, np.array(times_s)[:, None], sums[1:n], sums[n + 1 : 2 * n], sums[2 * n :])
+    means = np.add.reduceat(sums, pieces.first_of_block, axis=1) / blocks.counts
     return BlockAnswer(rows=means[:n], contact_slopes=means[n : 2 * n], tau_slopes=means[2 * n :])
+
+
+def block_rows(blocks: Blocks, contact_mm: float, times_s: Sequence[float]) -> FloatArray:
+    """Return the rows of `block_answer` (1 + n_arms, K) alone, without derivatives."""
+    pieces = _depth_pieces(blocks, contact_mm)
+    tau_s = np.array(times_s)[:, None]
+    _, rise, _, _ = interval_factors(pieces.lengths_s, tau_s)
+    driven = (rise * np.diff(pieces.depth_mm))[:, :-1]
+    steady = pieces.speed_mm_s * tau_s
+    sums = np.empty((1 + len(times_s), len(pieces.counts)))
+    sums[0] = pieces.counts * pieces.depth_mm[:-1] + pieces.speed_mm_s * pieces.ages_s
+    for arm, tau in enumerate(times_s):
+        sums[1 + arm] = decaying_sum(driven[arm], pieces.lengths_s[:-1], tau, 0.0)
+    one, many = -np.expm1(-pieces.spacing_s / tau_s), -np.expm1(-pieces.counts * pieces.spacing_s / tau_s)
+    sums[1:] -= steady
+    sums[1:] *= np.exp(-pieces.first_s / tau_s) * many / one
+    sums[1:] += steady * pieces.counts
+    return np.asarray(np.add.reduceat(sums, pieces.first_of_block, axis=1) / blocks.counts, dtype=float)
 
 
 def _depth_pieces(blocks: Blocks, contact_mm: float) -> _Pieces:
@@ -79,63 +91,75 @@ def _depth_pieces(blocks: Blocks, contact_mm: float) -> _Pieces:
     before_s = share * lengths_s[cut]
     # samples of a cut block before the instant; the one on it counts as after
     before = np.minimum(np.ceil(before_s / blocks.spacing_s[cut]), blocks.counts[cut])
-    at = cut + 1
-    knots_s = np.insert(blocks.knots_s, at, blocks.knots_s[cut] + before_s)
-    depth_mm = np.maximum(np.insert(above_mm, at, 0.0), 0.0)
-    counts = np.insert(blocks.counts, at, blocks.counts[cut] - before)
-    first_s = np.zeros_like(counts)
-    second = at + np.arange(len(cut))  # the second parts of cut blocks, in the new numbering
+    # every cut block stands twice, its second part beginning at the instant
+    n_blocks = len(blocks.counts)
+    twice = np.sort(np.concatenate([np.arange(n_blocks), cut]))
+    second = cut + 1 + np.arange(len(cut))
+    counts, spacing_s = blocks.counts[twice], blocks.spacing_s[twice]
+    counts[second] -= before
     counts[second - 1] = before
+    first_s = np.zeros(len(twice))
     first_s[second] = before * blocks.spacing_s[cut] - before_s
+    knots_s = np.append(blocks.knots_s[twice], blocks.knots_s[-1])
+    knots_s[second] += before_s
+    depth_mm = np.maximum(np.append(above_mm[twice], above_mm[-1]), 0.0)
+    depth_mm[second] = 0.0
     piece_lengths_s = np.maximum(np.diff(knots_s), 1e-12)
-    entries = np.zeros_like(counts)
-    entries[second] = np.where(inside[at], 1.0, -1.0)
-    started = np.cumsum(entries) + float(inside[0])
+    entries = np.zeros(len(twice))
+    entries[second] = np.where(inside[cut + 1], 1.0, -1.0)
+    first_of_block = np.arange(n_blocks)
+    for one in cut:
+        first_of_block[one + 1 :] += 1
     return _Pieces(
         lengths_s=piece_lengths_s,
         depth_mm=depth_mm,
         speed_mm_s=np.diff(depth_mm) / piece_lengths_s,
         counts=counts,
         first_s=first_s,
-        spacing_s=np.insert(blocks.spacing_s, at, blocks.spacing_s[cut]),
-        inside=started,
+        ages_s=counts * (first_s + 0.5 * (counts - 1.0) * spacing_s),
+        spacing_s=spacing_s,
+        inside=np.cumsum(entries) + float(inside[0]),
         entries=entries,
-        first_of_block=np.arange(len(blocks.counts)) + np.searchsorted(cut, np.arange(len(blocks.counts))),
+        first_of_block=first_of_block,
     )
 
 
-def _arm_sums(pieces: _Pieces, tau_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return sums over each piece's samples, (S,) each: stretch, its slope by contact, its slope by tau."""
+def _fill_arms(
+    pieces: _Pieces, tau_s: FloatArray, stretch: FloatArray, by_contact: FloatArray, by_tau: FloatArray
+) -> None:
+    """Fill sums over each piece's samples, (n_arms, S) each: stretches, their slopes by contact and by tau.
+
+    ``tau_s`` is (n_arms, 1).
+    """
     _, rise, decay_slope, rise_slope = interval_factors(pieces.lengths_s, tau_s)
-    increments = np.diff(pieces.depth_mm)
-    driven = np.stack([(rise * increments)[:-1], -pieces.entries[1:]])
-    start, shift = decaying_sum(driven, pieces.lengths_s[:-1], tau_s, 0.0)
-    start_slope = decaying_sum(
-        (decay_slope * start + rise_slope * increments)[:-1], pieces.lengths_s[:-1], tau_s, 0.0
-    )
-    decays, decays_slope = _sampled_decay(pieces, tau_s)
+    increments, lengths_s = np.diff(pieces.depth_mm), pieces.lengths_s[:-1]
+    rise = rise * increments
+    rise_slope = rise_slope * increments
+    start, shift, start_slope = np.empty_like(rise), np.empty_like(rise), np.empty_like(rise)
+    left = -pieces.entries[1:]
+    for arm, tau in enumerate(tau_s[:, 0].tolist()):
+        start[arm], shift[arm] = decaying_sum(np.stack([rise[arm, :-1], left]), lengths_s, tau, 0.0)
+        driven = decay_slope[arm, :-1] * start[arm, :-1] + rise_slope[arm, :-1]
+        start_slope[arm] = decaying_sum(driven, lengths_s, tau, 0.0)
+    decays, decays_slope = _sampled_decays(pieces, tau_s)
     steady = pieces.speed_mm_s * tau_s
-    total = (start - steady) * decays + steady * pieces.counts
-    total_slope = (
-        (start_slope - pieces.speed_mm_s) * decays
-        + (start - steady) * decays_slope
-        + pieces.speed_mm_s * pieces.counts
-    )
-    return total, shift * decays, total_slope
+    travel = pieces.speed_mm_s * pieces.counts
+    start -= steady
+    stretch[:] = start * decays + tau_s * travel
+    by_contact[:] = shift * decays
+    by_tau[:] = (start_slope - pieces.speed_mm_s) * decays + start * decays_slope + travel
 
 
-def _sampled_decay(pieces: _Pieces, tau_s: float) -> tuple[FloatArray, FloatArray]:
-    """Return the sum of exp(-s / tau) over the samples of each piece, (S,), and its derivative by tau."""
+def _sampled_decays(pieces: _Pieces, tau_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return sums of exp(-s / tau) over the samples of each piece, (n_arms, S), and derivatives by tau."""
     ratio = pieces.spacing_s / tau_s
     n = pieces.counts
     one = -np.expm1(-ratio)
     many = -np.expm1(-n * ratio)
     late = np.exp(-pieces.first_s / tau_s)
-    series = many / one
-    by_ratio = (n * (1.0 - many) * one - many * (1.0 - one)) / one**2
-    total = late * series
-    slope = total * pieces.first_s / tau_s**2 - late * by_ratio * ratio / tau_s
-    return total, slope
+    by_ratio = (n * (1.0 - many) * one - many * (1.0 - one)) / np.square(one)
+    total = late * many / one
+    return total, (total * pieces.first_s / tau_s - late * by_ratio * ratio) / tau_s
 
 
 def sampled_force(

@@ -2,7 +2,7 @@
 
 Seventy thousand samples of an exponential that lasts two seconds say no more than a few hundred means of
 them, as long as the model is averaged over the very same samples (see `block_response`); so nothing is
-biased by the length of a block, only resolution is given away, and the blocks grow so slowly (6 % of the
+biased by the length of a block, only resolution is given away, and the blocks grow so slowly (a tenth of the
 time since the last kink) that what is given away is below a thousandth of the information.
 """
 
@@ -20,7 +20,7 @@ from analysis.relaxation.windows import FitWindow
 
 IntArray = NDArray[np.int64]
 
-GROWTH = 0.06  # length of a block relative to the time since the last kink
+GROWTH = 0.1  # length of a block relative to the time since the last kink
 CURVED_SAMPLES = 4  # length of the blocks in which the motion bends
 CONTACT_SAMPLES = 16  # length at most where contact is made
 CONTACT_LEAD_S = 0.03  # how far before the estimated contact these begin

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from analysis.recordings.trial import FloatArray
 from analysis.relaxation.motion import sample_noise
 
-MOST_CELLS = 4000
-_SLOW = 16  # cells in a slow cell
+MOST_CELLS = 2000
+_SLOW = 8  # cells in a slow cell
 _MOST_ORDER = 25
 _MOST_SLOW_ORDER = 6
 _RESTORING_ROUNDS = 3

@@ -15,7 +15,7 @@ from analysis.recordings.trial import FloatArray
 from analysis.relaxation.windows import CannotFitError
 
 _MOST_STEPS = 80
-_SETTLED = 1e-11  # relative change of the sum of squares
+_SETTLED = 1e-9  # relative change of the sum of squares
 _NEAR_SETTLED_STEP = 1e-9
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.recordings.trial import FloatArray
-from analysis.relaxation.block_response import block_answer, sampled_force
+from analysis.relaxation.block_response import block_answer, block_rows, sampled_force
 from analysis.relaxation.blocks import Blocks, condense
 from analysis.relaxation.contact import Contact, find_contact
 from analysis.relaxation.noise import NoiseSpectrum, estimate_covariance, measure_noise
@@ -118,7 +118,7 @@ def _starting_times(blocks: Blocks, window: FitWindow, contact_mm: float, n_arms
     first_s = max(8.0 * window.step_s, min(window.hold_s / 2000.0, 0.02))
     last_s = 2.0 * max(window.hold_s, 20.0 * window.step_s)
     grid_s = np.geomspace(min(first_s, last_s / 100.0), last_s, GRID_TIMES)
-    rows = block_answer(blocks, contact_mm, grid_s.tolist()).rows
+    rows = block_rows(blocks, contact_mm, grid_s.tolist())
     always = np.stack([rows[0], np.ones(rows.shape[1])])
     best_s = best_of_grid(rows[1:], always, blocks.force_mn, blocks.counts, grid_s=grid_s, n_times=n_arms)
     return np.log(best_s)

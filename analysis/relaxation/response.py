@@ -131,10 +131,10 @@ def _checked(
 
 
 def interval_factors(
-    step_s: float | FloatArray, tau_s: float
-) -> tuple[float | FloatArray, float | FloatArray, float | FloatArray, float | FloatArray]:
+    step_s: float | FloatArray, tau_s: float | FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return a, b of the recursion and their derivatives by tau, for one or all intervals."""
-    ratio = step_s / tau_s
+    ratio = np.asarray(step_s / tau_s, dtype=float)
     decay = np.exp(-ratio)
     rise = -np.expm1(-ratio) / ratio
     return decay, rise, decay * ratio / tau_s, (rise - decay) / tau_s

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis.relaxation.block_response import block_answer
+from analysis.relaxation.block_response import block_answer, block_rows
 from analysis.relaxation.blocks import Blocks
 from analysis.relaxation.response import arm_response
 
@@ -49,6 +49,7 @@ def test_means_are_those_of_the_samples(seed: int, contact_mm: float, tau_s: flo
     blocks = random_blocks(seed)
     got = block_answer(blocks, contact_mm, [tau_s]).rows
     np.testing.assert_allclose(got, sampled_means(blocks, contact_mm, tau_s), atol=1e-10)
+    np.testing.assert_allclose(block_rows(blocks, contact_mm, [tau_s]), got, atol=1e-12)
 
 
 @settings(max_examples=60, deadline=None)

@@ -35,7 +35,10 @@ def held_out(
     n = len(problem.trials)
     if n < 3:
         everything = tuple(range(n))
-        before, after = _mean_squares(problem, baseline, everything), _mean_squares(problem, improved, everything)
+        before, after = (
+            _mean_squares(problem, baseline, everything),
+            _mean_squares(problem, improved, everything),
+        )
         return HeldOut("none held out: too few trials", everything, before, after, 1.0), None
     folds = [np.arange(k, n, min(FOLDS, n)) for k in range(min(FOLDS, n))]
     before, after = np.zeros(n), np.zeros(n)
@@ -56,7 +59,9 @@ def held_out(
     middle = sorted(conditions, key=lambda c: float(depth[c]))[len(conditions) // 2]
     out = np.array([j for j, t in enumerate(problem.trials) if t.condition == middle])
     b, a = _predict(problem, baseline, out), _predict(problem, improved, out)
-    by_condition = HeldOut(f"all trials of '{middle}' held out", tuple(out.tolist()), b, a, _flip_p(b - a, rng))
+    by_condition = HeldOut(
+        f"all trials of '{middle}' held out", tuple(out.tolist()), b, a, _flip_p(b - a, rng)
+    )
     return by_trial, by_condition
 
 

@@ -190,9 +190,9 @@ def find_alternatives(problem: Problem, named: Named, k: int) -> tuple[str, ...]
             behind = chosen.gain - rival.gain
             spread = float(np.std(behind) * np.sqrt(len(behind)))
             close = float(behind.sum()) < max(2.5 * spread, SAME_GAIN * chosen.total_gain)
-            if rival.mechanism.name not in {mechanism.name, *present, *found} and close:
-                if rival.total_gain > 0.5 * chosen.total_gain:
-                    found.append(rival.mechanism.name)
+            new = rival.mechanism.name not in {mechanism.name, *present, *found}
+            if new and close and rival.total_gain > 0.5 * chosen.total_gain:
+                found.append(rival.mechanism.name)
         return tuple(found)
     kept = tuple(a for a in final.simulation.additions if a.mechanism.name != mechanism.name)
     without = problem.fit(replace(final.simulation, additions=kept), final.own, rounds=6)

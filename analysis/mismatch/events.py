@@ -52,7 +52,12 @@ def event_mechanisms() -> list[Mechanism]:
 
 
 def event_rows(
-    mechanism: Mechanism, trial: CellTrial, tissue: Tissue, own: PerTrial, times_s: FloatArray, shape: FloatArray | float = 1.0
+    mechanism: Mechanism,
+    trial: CellTrial,
+    tissue: Tissue,
+    own: PerTrial,
+    times_s: FloatArray,
+    shape: FloatArray | float = 1.0,
 ) -> FloatArray:
     """Return the force (m, n) of a unit event at each time: 1 mN lost (slip) or 1 um of shift (artefact).
 

@@ -47,9 +47,13 @@ def take_in(paths: Sequence[Path], *, hold_only: bool = False) -> Intake:
         heads.append(_without_signals(trial, path))
     if not heads:
         why = f" ({left_out[0]})" if left_out else ""
-        raise BadInputError(f"nothing to diagnose: no ramp-and-hold, air sweep or rigid target among the files{why}")
+        raise BadInputError(
+            f"nothing to diagnose: no ramp-and-hold, air sweep or rigid target among the files{why}"
+        )
     check_together(heads)
-    return _reduce(heads, tuple(left_out), lambda head: replace(read_trial(Path(head.path)), path=head.path), hold_only)
+    return _reduce(
+        heads, tuple(left_out), lambda head: replace(read_trial(Path(head.path)), path=head.path), hold_only
+    )
 
 
 def take_in_memory(trials: Sequence[Trial], *, hold_only: bool = False) -> Intake:
@@ -58,7 +62,9 @@ def take_in_memory(trials: Sequence[Trial], *, hold_only: bool = False) -> Intak
     for t in used:
         check_trial(t)
     if not used:
-        raise BadInputError("nothing to diagnose: no ramp-and-hold, air sweep or rigid target among the trials")
+        raise BadInputError(
+            "nothing to diagnose: no ramp-and-hold, air sweep or rigid target among the trials"
+        )
     check_together(used)
     return _reduce(used, (), lambda trial: trial, hold_only)
 
@@ -74,7 +80,9 @@ def _reduce(
     for order, head in enumerate(heads):
         trial = load(head)
         motion = estimate_motion(trial, *servo)
-        cells.append(reduce_trial(trial, motion, order=order, previous_depth_mm=previous, hold_only=hold_only))
+        cells.append(
+            reduce_trial(trial, motion, order=order, previous_depth_mm=previous, hold_only=hold_only)
+        )
         if head.kind == "ramp_hold_retract":
             previous = cells[-1].depth_mm
     return Intake(tuple(cells), left_out, servo, heads[0].specimen.punch_diameter_mm)
@@ -99,10 +107,13 @@ def check_trial(trial: Trial) -> None:
     where = Path(trial.path).name if trial.path else trial.trial_id
     force, position = trial.force_mn, trial.position_mm
     if not np.any(trial.force_v) or float(np.ptp(force)) == 0.0:
-        raise BadInputError(f"{where}: the force is the same in every sample; check the force channel and record again")
+        raise BadInputError(
+            f"{where}: the force is the same in every sample; check the force channel and record again"
+        )
     if float(np.ptp(position)) < MOVES_MM:
         raise BadInputError(
-            f"{where}: the position never moves by more than {1e3 * np.ptp(position):.2g} um; record a trial with a ramp"
+            f"{where}: the position never moves by more than {1e3 * np.ptp(position):.2g} um; "
+            "record a trial with a ramp"
         )
     if trial.kind == "ramp_hold_retract":
         missing = [name for name in ("ramp", "hold") if trial.phase(name) is None]

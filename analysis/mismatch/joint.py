@@ -248,7 +248,8 @@ def fit_jointly(
         accepted = False
         for _ in range(8):
             scale = np.diag(np.maximum(np.diag(hessian), 1e-12))
-            shared_step, moved = np.zeros(0), simulation
+            shared_step: FloatArray = np.zeros(0)
+            moved = simulation
             if len(gradient):
                 shared_step = np.linalg.lstsq(hessian + damping * scale, gradient, rcond=1e-13)[0]
                 moved = simulation.moved_to(

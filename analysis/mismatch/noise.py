@@ -55,7 +55,7 @@ class Whitener:
             return
         diagonal = noise.white_mn**2 / counts
         shrink = np.zeros_like(diagonal)
-        kernel = None
+        kernel: terms.Term | None = None
         for variance, tau_s in noise.parts:
             # averaging over a cell leaves less of a quick part: var(mean) = 2 v (u - 1 + e^-u) / u^2
             u = width_s / tau_s
@@ -68,6 +68,7 @@ class Whitener:
             kernel = term if kernel is None else kernel + term
         # a part quicker than the cell is white from cell to cell; celerite's own share of it is taken back
         diagonal = np.maximum(diagonal + shrink, 1e-3 * diagonal)
+        assert kernel is not None  # there are parts
         c, a, U, V = kernel.get_celerite_matrices(self._t, diagonal)
         d, W = driver.factor(self._t, c, a.copy(), U, V, np.empty_like(a), np.empty_like(V))
         if np.any(d <= 0):
@@ -95,7 +96,10 @@ def measure_noise(residuals: Sequence[FloatArray], sample_rate_hz: float) -> Noi
     """
     length = min(round(SEGMENT_S * sample_rate_hz), max(16, min(len(r) for r in residuals)))
     spectra = [
-        welch(r, sample_rate_hz, nperseg=length, detrend="linear")[1] for r in residuals if len(r) >= length
+        # the stubs know the kind of detrending as "literal"
+        welch(r, sample_rate_hz, nperseg=length, detrend="linear")[1]  # type: ignore[call-overload]
+        for r in residuals
+        if len(r) >= length
     ]
     frequency = np.fft.rfftfreq(length, 1.0 / sample_rate_hz)
     power = np.mean(spectra, axis=0)

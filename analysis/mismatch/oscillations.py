@@ -181,7 +181,10 @@ def stray_lines(
 
 @dataclass(frozen=True)
 class SurfaceOscillation:
-    """The columns of an oscillating surface: each trial's own frequency (Hz, by label), harmonics, knots of the envelope (s)."""
+    """The columns of an oscillating surface.
+
+    Each trial has its own frequency (Hz, by label); ``knot_s`` is the spacing of its envelope's knots.
+    """
 
     frequencies_hz: Mapping[str, float]
     harmonics: int
@@ -240,7 +243,7 @@ def mains_lines(sample_rate_hz: float) -> FloatArray:
     centres = sorted({base * h for base in (50.0, 60.0) for h in range(1, 9) if base * h <= 400.0})
     beside = np.linspace(-HUM_HALF_WIDTH_HZ, HUM_HALF_WIDTH_HZ, 25)
     grid = np.concatenate([c + beside * (c / 50.0) ** 0.5 for c in centres])
-    return grid[grid < 0.45 * sample_rate_hz]
+    return np.asarray(grid[grid < 0.45 * sample_rate_hz])
 
 
 def line_p_value(power: FloatArray, looks: int) -> FloatArray:

@@ -19,8 +19,12 @@ from analysis.simulation.cells import CellTrial
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-SINCE_START_S = np.array([0.0, 0.0015, 0.004, 0.01, 0.025, 0.06, 0.15, 0.3, 0.6, 1.2, 2.5, 4.5, 8.0, 15.0, 30.0, 60.0])
-DEPTH_MM = np.array([-9.0, -0.3, -0.1, -0.04, -0.015, 0.0, 0.015, 0.03, 0.05, 0.08, 0.12, 0.2, 0.3, 0.45, 0.6, 0.8, 1.0])
+SINCE_START_S = np.array(
+    [0.0, 0.0015, 0.004, 0.01, 0.025, 0.06, 0.15, 0.3, 0.6, 1.2, 2.5, 4.5, 8.0, 15.0, 30.0, 60.0]
+)
+DEPTH_MM = np.array(
+    [-9.0, -0.3, -0.1, -0.04, -0.015, 0.0, 0.015, 0.03, 0.05, 0.08, 0.12, 0.2, 0.3, 0.45, 0.6, 0.8, 1.0]
+)
 COURSE = np.linspace(0.0, 1.0, 13)
 SWEEP_COURSE = np.linspace(0.0, 1.0, 41)
 

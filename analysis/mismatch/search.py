@@ -141,8 +141,14 @@ class Look:
     best: dict[str, list[tuple[float, Probe, float]]]
     bin_p: FloatArray
     spectra: tuple[Spectrum, ...]
+    spectrum_p: FloatArray
     scans: tuple[EventScan, ...]
     critical: float
+
+    @property
+    def frequency_hz(self) -> FloatArray:
+        """Frequencies that ``spectrum_p`` speaks of."""
+        return np.concatenate([s.frequency_hz for s in self.spectra]) if self.spectra else np.zeros(0)
 
     @property
     def quiet(self) -> bool:
@@ -209,7 +215,7 @@ def look(problem: Problem, fit: JointFit, rng: np.random.Generator) -> Look:
         for spectrum in spectra:
             blocks.append(oscillation_scores(spectrum))
             sided.append(np.ones(len(spectrum.frequency_hz), dtype=bool))
-    scans = ()
+    scans: tuple[EventScan, ...] = ()
     if skin:
         absent = [m for m in event_mechanisms() if m.name not in present]
         scans = tuple(scan_events(m, problem.trials, problem.whiteners, fit) for m in absent)
@@ -227,6 +233,7 @@ def look(problem: Problem, fit: JointFit, rng: np.random.Generator) -> Look:
     m = len(probes)
     bin_p = test.p_value[m : m + 2 * OUTSIDE].reshape(2, OUTSIDE)
     at = m + 2 * OUTSIDE
+    all_spectrum_p = test.p_value[at : len(test.p_value) - len(signed)]
     for spectrum in spectra:
         spectrum_p = test.p_value[at : at + len(spectrum.frequency_hz)]
         at += len(spectrum.frequency_hz)
@@ -238,7 +245,9 @@ def look(problem: Problem, fit: JointFit, rng: np.random.Generator) -> Look:
         p_of[scan.mechanism.name] = strict(event_p_value(scan))
     for scan, p in zip(signed, test.p_value[len(test.p_value) - len(signed) :], strict=True):
         p_of[scan.mechanism.name] = min(p_of[scan.mechanism.name], float(p))
-    return Look(signatures, p_of, best_probes(signatures), bin_p, tuple(spectra), scans, test.critical)
+    return Look(
+        signatures, p_of, best_probes(signatures), bin_p, tuple(spectra), all_spectrum_p, scans, test.critical
+    )
 
 
 def few_trials_p_value(signatures: Signatures) -> FloatArray:
@@ -368,7 +377,7 @@ def hum_candidate(problem: Problem, fit: JointFit) -> Candidate | None:
 
 
 def strict(p_value: float) -> float:
-    """Return a p-value that trusts noise to be near Gaussian, raised so that only a strict one counts as significant."""
+    """Return a p-value that trusts noise to be near Gaussian, raised so that only a strict one is significant."""
     return min(1.0, p_value * LEVEL / STRICT_LEVEL)
 
 
@@ -431,7 +440,9 @@ class Named:
 
 def search(problem: Problem, baseline: JointFit, rng: np.random.Generator) -> Named:
     """Add mechanisms while they are significant and explain enough of what repeats; at most four."""
-    fits, chosen, considered = [baseline], [], []
+    fits = [baseline]
+    chosen: list[Candidate] = []
+    considered: list[tuple[Candidate, ...]] = []
     first = seen = look(problem, baseline, rng)
     explained = 0.0
     while len(chosen) < MOST_MECHANISMS:
@@ -463,4 +474,4 @@ def _worth_naming(problem: Problem, fit: JointFit, best: Candidate, explained: f
     slack = 2.0 * np.sqrt(2.0 * OUTSIDE)
     share = best.total_gain / (explained + max(best.total_gain, left))
     needed = SHARE_EXPLAINED if share > SMALL_SHARE else SMALL_MUST_EXPLAIN
-    return best.total_gain + slack >= needed * left
+    return bool(best.total_gain + slack >= needed * left)

@@ -99,25 +99,36 @@ def accumulate(
         blocks = max(1, len(r) // BLOCK_CELLS) if len(trials) < FEW_TRIALS else 1
         edges = np.linspace(0, len(r), blocks + 1).astype(int)
         block_JG = np.array(
-            [np.concatenate([J[a:b].T @ r[a:b], G[a:b].T @ r[a:b]]) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+            [
+                np.concatenate([J[a:b].T @ r[a:b], G[a:b].T @ r[a:b]])
+                for a, b in zip(edges[:-1], edges[1:], strict=True)
+            ]
         )
         bins = bins_of(trial, fit.own[j].z0_mm)[trial.fitted]
         by_bin = np.array(
-            [np.bincount(bins[a:b], weights=r[a:b], minlength=OUTSIDE + 1)[:OUTSIDE]
-             for a, b in zip(edges[:-1], edges[1:], strict=True)]
+            [
+                np.bincount(bins[a:b], weights=r[a:b], minlength=OUTSIDE + 1)[:OUTSIDE]
+                for a, b in zip(edges[:-1], edges[1:], strict=True)
+            ]
         )
         parts.append((J.T @ J, J.T @ G, G.T @ G, block_JG, np.hstack([by_bin, by_bin * contrast[j]])))
     p = parts[0][0].shape[0]
-    JJ = sum(x[0] for x in parts)
-    JG = sum(x[1] for x in parts)
+    JJ = np.sum([x[0] for x in parts], axis=0)
+    JG = np.sum([x[1] for x in parts], axis=0)
     absorbed = np.linalg.pinv(JJ, rcond=1e-12, hermitian=True) @ JG if p else np.zeros((0, len(probes)))
-    gram = sum(x[2] for x in parts) - JG.T @ absorbed
+    gram = np.sum([x[2] for x in parts], axis=0) - JG.T @ absorbed
     units = np.concatenate([x[3] for x in parts])
     scores = units[:, p:] - units[:, :p] @ absorbed
     trial_scores = np.array([x[3][:, p:].sum(axis=0) - x[3][:, :p].sum(axis=0) @ absorbed for x in parts])
     norm2 = np.array(
-        [np.diag(x[2]) - 2 * np.einsum("pm,pm->m", x[1], absorbed) + np.einsum("pm,pq,qm->m", absorbed, x[0], absorbed)
-         for x in parts]
+        [
+            np.diag(x[2])
+            - 2 * np.einsum("pm,pm->m", x[1], absorbed)
+            + np.einsum("pm,pq,qm->m", absorbed, x[0], absorbed)
+            for x in parts
+        ]
     )
     bin_scores = np.concatenate([x[4] for x in parts])
-    return Signatures(tuple(probes), scores, bin_scores, trial_scores, gram, np.sqrt(raw2), np.maximum(norm2, 0.0), absorbed)
+    return Signatures(
+        tuple(probes), scores, bin_scores, trial_scores, gram, np.sqrt(raw2), np.maximum(norm2, 0.0), absorbed
+    )

@@ -46,7 +46,9 @@ def start_tissue(trials: Sequence[CellTrial]) -> Tissue:
         if cost < best:
             best, found = cost, (k, taus[j], taus[i])
     if found is None or not np.any(found[0] > 0):
-        raise BadInputError("no trial shows a force that grows with depth: nothing to compare a simulation with")
+        raise BadInputError(
+            "no trial shows a force that grows with depth: nothing to compare a simulation with"
+        )
     k, long_s, short_s = found
     floor = 1e-3 * float(np.max(k))
     return Tissue(max(k[0], floor), max(k[2], floor), float(long_s), max(k[1], floor), float(short_s))

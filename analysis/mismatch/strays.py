@@ -62,11 +62,11 @@ def _slow_taken_out(trial: CellTrial) -> FloatArray:
     width = max(3, round(0.05 * trial.sample_rate_hz))
     padded = np.pad(r, (width // 2, width - 1 - width // 2), mode="edge")
     total = np.cumsum(np.concatenate([[0.0], padded]))
-    left = r - (total[width:] - total[:-width]) / width
+    left: FloatArray = r - (total[width:] - total[:-width]) / width
     # where the arm is accelerated the servo is judged by its own signature
     moving = np.abs(trial.acceleration_mm_s2) > 50.0
     left[np.repeat(moving, trial.counts.astype(np.int64))] = 0.0
-    return left
+    return np.asarray(left)
 
 
 def _lines(

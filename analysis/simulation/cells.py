@@ -33,10 +33,12 @@ TRAVEL_MIDDLE_MM = 5.0
 class CellTrial:
     """One trial in n cells; every other array is (n,).
 
-    ``full_force_mn`` and ``full_servo_residual_mm`` (N,) keep every sample. ``time_s`` is the cells' centres, counted from the first sample; ``counts`` the samples in each;
+    ``full_force_mn`` and ``full_servo_residual_mm`` (N,) keep every sample. ``time_s`` is the cells' centres,
+    counted from the first sample; ``counts`` the samples in each;
     ``position_mm``, ``velocity_mm_s``, ``acceleration_mm_s2`` the smoothed motion; ``force_mn`` and
     ``servo_residual_mm`` (recorded position less the nominal servo's) plain averages of what was recorded;
-    ``servo_signature_mm`` (n, 2) the change of the servo's position by ln(natural frequency) and ln(damping); ``phase`` indexes PHASE_NAMES (-1: none).
+    ``servo_signature_mm`` (n, 2) the change of the servo's position by ln(natural frequency) and ln(damping);
+    ``phase`` indexes PHASE_NAMES (-1: none).
     ``previous_depth_mm`` and ``rest_s`` speak of the indentation before this one (None: there was none).
     """
 
@@ -74,7 +76,7 @@ class CellTrial:
 
     def in_phase(self, name: str) -> NDArray[np.bool_]:
         """Mask (n,) of the cells of a phase."""
-        return self.phase == PHASE_NAMES.index(name)
+        return np.asarray(self.phase == PHASE_NAMES.index(name))
 
     @cached_property
     def angle_travel_mm(self) -> FloatArray:

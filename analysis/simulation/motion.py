@@ -106,7 +106,7 @@ def fit_servo(trials: list[Trial]) -> tuple[float, float]:
 
     start = np.log([DEFAULT_NATURAL_FREQUENCY_RAD_S, DEFAULT_DAMPING_RATIO])
     bounds = (np.log([100.0, 0.1]), np.log([5.0e4, 5.0]))
-    best = least_squares(residual, start, bounds=bounds, diff_step=1e-3, max_nfev=15)
+    best = least_squares(residual, start, bounds=bounds, diff_step=[1e-3, 1e-3], max_nfev=15)
     wn, zeta = np.exp(best.x)
     return float(wn), float(zeta)
 

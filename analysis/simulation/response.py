@@ -31,7 +31,7 @@ class Steps:
         return cls(np.maximum(lengths, 1e-12), index.astype(np.int64))
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def _sum_of_arms(
     drive: FloatArray,
     index: IntArray,

@@ -11,9 +11,10 @@ from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Valu
 class Adhesion(Mechanism):
     """On the retract F_t goes down to -``pull_off_mn`` before contact is lost.
 
-    With u the pull of skin that clings in full, in units of the pull-off, the contact carries u / (1 + u^q)^(1/q) of it:
-    it gives way gradually (small ``roundness`` q) or follows in full until the end (large q). Contact is lost at u = ``reach``,
-    and the force returns to zero over ``peel_um`` of further travel. Large q, reach 1 and no peel are the textbook's snap.
+    With u the pull of skin that clings in full, in units of the pull-off, the contact carries
+    u / (1 + u^q)^(1/q) of it: it gives way gradually (small ``roundness`` q) or follows in full until the end
+    (large q). Contact is lost at u = ``reach``, and the force returns to zero over ``peel_um`` of further travel.
+    Large q, reach 1 and no peel are the textbook's snap.
     """
 
     name = "adhesion"

@@ -11,7 +11,7 @@ from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Valu
 RESTING_MM_S = 0.15
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def _bristle_force(velocity: FloatArray, step_s: FloatArray, bristle_mm: float, fade_s: float) -> FloatArray:
     out = np.empty_like(velocity)
     z = 0.0

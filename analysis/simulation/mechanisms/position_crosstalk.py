@@ -19,7 +19,10 @@ class PositionCrosstalk(Mechanism):
     one_sided = False
     needs_contact = False
     in_air = True
-    words = "the force reading changes with the arm's position, touching or not (weight of the arm, spring of the motor)"
+    words = (
+        "the force reading changes with the arm's position, touching or not "
+        "(weight of the arm, spring of the motor)"
+    )
     source = "gravity and restoring torque"
     separated_by = "air_sweep"
 

@@ -2,7 +2,8 @@
 
     python tests/benchmarks/campaign.py ladder --cases 46 --out DIR [--processes 2] [--seed 1]
 
-Each line of DIR/NAME.jsonl holds the truth, the report, and what it took. The tests beside this file run
+Each line of DIR/NAME.jsonl holds the truth, the report, and what it took. DIR/drawn keeps the cases, so
+that the same ones can be diagnosed again once the lines are removed. The tests beside this file run
 campaigns and print their tables with `rig.proof_scores`.
 """
 
@@ -21,9 +22,10 @@ from typing import Any
 
 import numpy as np
 
-from sim_hardware.cases import NOISES, RUNGS, Case, draw_case, draw_pair
+from sim_hardware.cases import NOISES, RUNGS, Case, Hidden, draw_case, draw_pair
 from sim_hardware.knobs import ABSORBED, LIBRARY, OUTSIDE
 from sim_hardware.offline import TrialPlan, record_study, study_plans
+from sim_hardware.settings import BenchSettings
 
 Row = dict[str, Any]
 Spec = tuple[str, tuple[str, ...], float, str]
@@ -72,13 +74,26 @@ def trials_of(case: Case) -> list[Any]:
     return [module.as_trial(r) for r in record_study(case.settings, plans(case.settings.seed))]
 
 
-def run_case(number: int, spec: Spec, seed: int) -> Row:
+def drawn(number: int, spec: Spec, seed: int, kept: Path) -> Case:
+    """Draw a case, or take it as it was drawn before: to scale its effects is half the work."""
+    if kept.exists():
+        truth = json.loads(kept.read_text())
+        hidden = tuple(Hidden(**{**h, "phases": tuple(h["phases"])}) for h in truth["hidden"])
+        settings = BenchSettings.model_validate_json(json.dumps(truth["settings"]))
+        return Case(number, truth["kind"], truth["rung"], truth["noise"], settings, hidden)
+    kind, names, rung, noise = spec
+    case = draw_case(number, kind, names, rung, noise, seed=seed)  # type: ignore[arg-type]
+    kept.parent.mkdir(parents=True, exist_ok=True)
+    kept.write_text(json.dumps(case.truth()))
+    return case
+
+
+def run_case(number: int, spec: Spec, seed: int, kept: Path) -> Row:
     """Draw, record and diagnose one case."""
     from analysis.mismatch.diagnosis import diagnose
     from analysis.mismatch.intake import take_in_memory
 
-    kind, names, rung, noise = spec
-    case = draw_case(number, kind, names, rung, noise, seed=seed)  # type: ignore[arg-type]
+    case = drawn(number, spec, seed, kept)
     started = time.monotonic()
     trials = trials_of(case)
     recorded = time.monotonic()
@@ -133,7 +148,7 @@ def run(
     done = {r["number"] for r in rows}
     wanted = [(i, s) for i, s in enumerate(specs(campaign, n, seed)) if i not in done]
     with path.open("a") as file:
-        for row in _done(wanted, seed, processes):
+        for row in _done(wanted, seed, processes, out / "drawn" / f"{campaign}-{seed}"):
             file.write(json.dumps(row) + "\n")
             file.flush()
             rows.append(row)
@@ -142,15 +157,15 @@ def run(
     return sorted((r for r in rows if r["number"] < n), key=lambda r: int(r["number"]))
 
 
-def _done(wanted: list[tuple[int, Spec]], seed: int, processes: int) -> Iterable[Row]:
+def _done(wanted: list[tuple[int, Spec]], seed: int, processes: int, kept: Path) -> Iterable[Row]:
     def seed_of(i: int) -> int:
         return int(np.random.default_rng([seed, 23, i]).integers(2**31))
 
     if processes == 1:
-        yield from (run_case(i, s, seed_of(i)) for i, s in wanted)
+        yield from (run_case(i, s, seed_of(i), kept / f"{i}.json") for i, s in wanted)
         return
     with ProcessPoolExecutor(processes) as pool:
-        jobs = [pool.submit(run_case, i, s, seed_of(i)) for i, s in wanted]
+        jobs = [pool.submit(run_case, i, s, seed_of(i), kept / f"{i}.json") for i, s in wanted]
         for job in as_completed(jobs):
             yield job.result()
 

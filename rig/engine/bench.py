@@ -8,13 +8,13 @@ from analysis.recordings.trial import Source
 from rig.hardware.balance import Balance
 from rig.hardware.clock import Clock
 from rig.hardware.lever import Lever
-from rig.hardware.operator import Operator
+from rig.hardware.operator import ConsoleAnswers, Operator
 from rig.hardware.stage import Stage
 
 
 @dataclass(frozen=True)
 class Bench:
-    """An open bench."""
+    """An open bench; `answers` asks a person for what a missing device would say, where there is one."""
 
     lever: Lever
     clock: Clock
@@ -22,3 +22,4 @@ class Bench:
     stage: Stage | None
     balance: Balance | None
     source: Source
+    answers: ConsoleAnswers | None = None

@@ -118,6 +118,8 @@ class Preparations:
             prepared.mass_g = balance.weigh_g()
             self._ask("place_on_balance", {"mass_g": 0.0})
             prepared.words.append(f"the weight of {mass_g:g} g weighs {prepared.mass_g:.4f} g")
+        elif self._bench.answers is not None and mass_g > 0:
+            prepared.mass_g = self._bench.answers.read_mass_g(mass_g)
         prepared.words.append(self._ask("hang_weight", {"mass_g": mass_g}))
 
     def _rest(self, step: Rest) -> None:

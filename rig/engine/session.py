@@ -12,7 +12,7 @@ from rig.hardware.clock import Clock, RemoteClock, SystemClock
 from rig.hardware.companion import Companion
 from rig.hardware.guard import Guard
 from rig.hardware.lever import Lever
-from rig.hardware.operator import ConsoleOperator, Operator, RemoteOperator
+from rig.hardware.operator import ConsoleAnswers, ConsoleOperator, Operator, RemoteOperator
 from rig.hardware.remote import ControlService
 from rig.hardware.stage import Stage
 from rig.rig_file import RigFile, ServiceSettings
@@ -55,4 +55,5 @@ def open_bench(rig: RigFile, calibration: Calibration) -> Iterator[Bench]:
             stage=stage,
             balance=balance,
             source="simulated" if rig.companion is not None else "nidaqmx",
+            answers=ConsoleAnswers() if rig.operator is None else None,
         )

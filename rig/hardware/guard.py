@@ -146,4 +146,6 @@ class Guard:
         reader.join()
         self._errors.seek(0)
         said = self._errors.read().decode("utf-8", "replace").strip().splitlines()
-        raise GuardError(f"the guard process did not start: {said[-1] if said else 'no reason given'}")
+        # the last line of a traceback, without the name of the exception's class
+        reason = said[-1].partition("Error: ")[2] or said[-1] if said else "no reason given"
+        raise GuardError(f"the guard process did not start: {reason}")

@@ -38,7 +38,9 @@ class ConsoleOperator:
 
         try:
             answer = Prompt.ask(
-                f"{words_for(kind, details)} [dim](Enter when done, s to stop)[/dim]", default=""
+                f"{words_for(kind, details)} [dim](Enter when done, s to stop)[/dim]",
+                default="",
+                show_default=False,
             )
         except EOFError:
             raise OperatorError(
@@ -55,6 +57,7 @@ _WORDS = {
     "remove_finger": "Take the finger off the block",
     "place_block": "Put the stiff block under the arm",
     "turn_micrometer": "Turn the micrometer to {position_um} um",
+    "place_on_balance": "Put {mass_g} g on the balance (0 g: clear the pan)",
     "hang_weight": "Hang {mass_g} g from the arm by a rubber band (0 g: take all weights off)",
     "invert_arm": "Turn the arm over (inverted: {inverted})",
     "clear_air": "Clear everything from below the arm",
@@ -64,7 +67,10 @@ _WORDS = {
 def words_for(kind: str, details: Details) -> str:
     """What a person is asked to do, in plain words."""
     try:
-        return _WORDS[kind].format_map(details)
+        words = _WORDS[kind].format_map(details)
+        if "surface_mm" in details:
+            words += f", so high that the arm meets the skin at {details['surface_mm']:g} mm of its travel"
     except KeyError:
         shown = ", ".join(f"{key} {value}" for key, value in details.items())
-        return f"{kind.replace('_', ' ')}: {shown}" if shown else kind.replace("_", " ")
+        words = f"{kind.replace('_', ' ')}: {shown}" if shown else kind.replace("_", " ")
+    return words

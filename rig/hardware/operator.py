@@ -52,6 +52,22 @@ class ConsoleOperator:
         return "done by hand"
 
 
+class ConsoleAnswers:
+    """What a person reads off where a device is missing."""
+
+    def read_mass_g(self, nominal_g: float) -> float:
+        """Ask for the mass of a weight, g; its nominal value when only Enter is pressed."""
+        from rich.prompt import FloatPrompt
+
+        try:
+            return float(FloatPrompt.ask("Mass of the weight as weighed, in grams", default=nominal_g))
+        except EOFError:
+            raise OperatorError(
+                "mass of a weight: nobody is at the console to answer; run in a terminal, or name a balance "
+                "in rig.toml"
+            ) from None
+
+
 _WORDS = {
     "place_finger": "Place the {finger} finger on the block, site {site}, repeat {repeat}",
     "remove_finger": "Take the finger off the block",

@@ -1,0 +1,117 @@
+"""Whole diagnoses on the simulated bench: nothing where nothing is, and the right name where something is."""
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.errors import BadInputError
+from analysis.mismatch.diagnosis import Diagnosis, diagnose
+from analysis.mismatch.intake import take_in_memory
+from analysis.recordings.trial import Trial
+
+sys.path.append(str(Path(__file__).parents[2]))
+from bench_trials import bench_trials
+from sim_hardware.offline import study_plans
+
+PLAIN = "seed = 8\n[specimens]\npublished_tissue = true\n"
+
+
+def _study(effect: str = "", depths: tuple[float, ...] = (0.2, 0.5, 0.8), repeats: int = 4) -> list[Trial]:
+    body = f"[[effects]]\n{effect}\n" if effect else ""
+    return bench_trials(PLAIN + body, study_plans(depths_mm=depths, repeats=repeats))
+
+
+def _diagnose(effect: str = "", **options: object) -> Diagnosis:
+    return diagnose(take_in_memory(_study(effect)), seed=1, **options)  # type: ignore[arg-type]
+
+
+def _names(found: Diagnosis) -> list[str]:
+    return [c.mechanism.name for c in found.named.chosen]
+
+
+def test_nothing_is_named_where_nothing_is_and_the_tissue_is_found() -> None:
+    found = _diagnose()
+    assert _names(found) == []
+    assert found.strays == ()
+    tissue, spread = found.baseline.simulation.tissue, np.sqrt(np.diag(found.baseline.covariance))
+    truth = np.log([120.0, 0.371 * 120.0, 2.279, 0.294 * 120.0, 0.149])
+    fitted = np.log([tissue.k0, tissue.k1, tissue.tau1, tissue.k2, tissue.tau2])
+    # the converters' offsets and the calibration leave some 1e-4 beside the noise
+    assert np.all(np.abs(fitted - truth) < 6 * spread + 3e-4)
+    assert "lever_compliance" in {a.mechanism.name for a in found.absorbed}
+
+
+@pytest.mark.parametrize(
+    ("effect", "name", "parameter", "value", "within"),
+    [
+        ('name = "adhesion"\npull_off_mn = 5.0', "adhesion", "pull_off_mn", 5.0, 0.15),
+        ('name = "coulomb_friction"\nforce_mn = 1.0', "coulomb_friction", "force_mn", 1.0, 0.1),
+        ('name = "stiffening"\ncoefficient_per_mm = 0.2', "stiffening", "coefficient_per_mm", 0.2, 0.15),
+        ('name = "force_lag"\ntime_constant_ms = 3.0', "force_lag", "time_constant_ms", 3.0, 0.1),
+    ],
+)
+def test_a_law_is_named_and_measured(
+    effect: str, name: str, parameter: str, value: float, within: float
+) -> None:
+    found = _diagnose(effect)
+    assert _names(found)[0] == name
+    addition = next(a for a in found.improved.simulation.additions if a.mechanism.name == name)
+    assert addition.values[parameter] == pytest.approx(value, rel=within)
+    assert found.confirmed.improved_ms.mean() < found.confirmed.baseline_ms.mean()
+    assert np.sqrt(found.confirmed.improved_ms.mean()) == pytest.approx(0.3, rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("effect", "name"),
+    [
+        ('name = "mains_hum"\namplitude_mn = 0.1\nfrequency_hz = 50.0', "mains_hum"),
+        ('name = "heartbeat"\namplitude_um = 2.0\nfrequency_hz = 1.2', "heartbeat"),
+        ('name = "slip"\ndrop_mn = 1.0', "slip"),
+    ],
+)
+def test_what_has_its_own_phase_or_time_is_named(effect: str, name: str) -> None:
+    assert _names(_diagnose(effect))[0] == name
+
+
+def test_the_step_of_the_textbook_is_undone_first() -> None:
+    found = diagnose(take_in_memory(_study(), hold_only=True), baseline="step", seed=1)
+    assert _names(found) == ["finite_ramp"]
+    step, ramp = found.baseline.simulation.tissue, found.improved.simulation.tissue
+    assert step.k2 < 0.9 * ramp.k2  # the step takes what relaxed during the ramp for softer skin
+    assert ramp.k2 == pytest.approx(0.294 * 120.0, rel=0.02)
+
+
+def test_a_line_that_no_law_has_is_a_stray() -> None:
+    found = _diagnose('name = "dropped_bit"')
+    assert [s.signal for s in found.strays] == ["force"]
+    assert "single samples" in found.strays[0].words
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (lambda t: {"force_v": np.zeros_like(t.force_v)}, "same in every sample"),
+        (lambda t: {"position_v": np.full_like(t.position_v, 1.0)}, "position never moves"),
+        (lambda t: {"phases": tuple(p for p in t.phases if p.name != "hold")}, "phase hold missing"),
+        (lambda t: {"kind": "force_calibration"}, "nothing to diagnose"),
+    ],
+)
+def test_what_says_nothing_is_refused_in_one_sentence(spoil: Callable[[Trial], dict], words: str) -> None:
+    from dataclasses import replace
+
+    trial = _study(depths=(0.4,), repeats=1)[0]
+    with pytest.raises(BadInputError, match=words) as refused:
+        take_in_memory([replace(trial, **spoil(trial))])
+    assert "\n" not in str(refused.value)
+
+
+def test_trials_of_two_rigs_are_refused() -> None:
+    from dataclasses import replace
+
+    one, two = _study(depths=(0.4,), repeats=2)
+    faster = replace(two, sample_rate_hz=10_000.0)
+    with pytest.raises(BadInputError, match="different rigs"):
+        take_in_memory([one, faster])

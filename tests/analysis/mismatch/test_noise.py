@@ -1,0 +1,54 @@
+"""Whitening against a dense Cholesky factor, and the noise found back from its own spectrum."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from analysis.mismatch.noise import NoiseModel, Whitener, measure_noise
+
+
+def _cells(n: int = 300) -> SimpleNamespace:
+    rng = np.random.default_rng(2)
+    counts = rng.choice([1.0, 8.0, 64.0], n)
+    time_s = (np.cumsum(counts) - counts / 2) / 8000.0
+    return SimpleNamespace(fitted=np.ones(n, dtype=bool), time_s=time_s, counts=counts, sample_rate_hz=8000.0)
+
+
+def test_whitening_is_the_inverse_cholesky_factor() -> None:
+    cells = _cells()
+    noise = NoiseModel(0.3, ((0.05, 0.4), (0.02, 0.1)))
+    lag = np.abs(cells.time_s[:, None] - cells.time_s)
+    covariance = sum(v * np.exp(-lag / t) for v, t in noise.parts) + np.diag(0.09 / cells.counts)
+    columns = np.random.default_rng(3).normal(size=(len(cells.time_s), 4))
+    dense = np.linalg.solve(np.linalg.cholesky(covariance), columns)
+    np.testing.assert_allclose(Whitener(cells, noise)(columns), dense, rtol=1e-5, atol=1e-7)
+
+
+def test_white_noise_is_weighed_by_its_count() -> None:
+    cells = _cells()
+    y = np.random.default_rng(4).normal(size=len(cells.time_s))
+    np.testing.assert_allclose(Whitener(cells, NoiseModel(0.3))(y), y * np.sqrt(cells.counts) / 0.3)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5])
+def test_spectrum_gives_the_noise_back(share: float) -> None:
+    rng = np.random.default_rng(7)
+    decay = np.exp(-1 / (8000.0 * 0.0256))
+    residuals = []
+    for _ in range(20):
+        white = rng.normal(0, 0.3, 56_000)
+        slow = lfilter([np.sqrt(1 - decay**2)], [1, -decay], rng.normal(0, 1, 56_000))
+        residuals.append(white + share * 0.3 * slow)
+    found = measure_noise(residuals, 8000.0)
+    assert found.white_mn == pytest.approx(0.3, rel=0.02)
+    slow_variance = sum(v for v, _ in found.parts)
+    assert slow_variance == pytest.approx((share * 0.3) ** 2, rel=0.25, abs=2e-4)
+
+
+def test_a_line_is_not_taken_for_noise() -> None:
+    rng = np.random.default_rng(8)
+    t = np.arange(56_000) / 8000.0
+    residuals = [rng.normal(0, 0.3, len(t)) + 0.5 * np.sin(2 * np.pi * 9.0 * t + k) for k in range(10)]
+    assert measure_noise(residuals, 8000.0).white_mn == pytest.approx(0.3, rel=0.03)

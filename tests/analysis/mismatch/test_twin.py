@@ -1,0 +1,75 @@
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+import tomlkit
+
+from analysis.mismatch.intake import take_in_memory
+from analysis.mismatch.joint import Addition, Simulation, fit_jointly
+from analysis.mismatch.noise import NoiseModel, Whitener
+from analysis.mismatch.search import Problem
+from analysis.mismatch.start import start_own
+from analysis.mismatch.twin import noise_settings
+from analysis.recordings.trial import Trial
+from analysis.simulation.mechanism import Tissue, library
+from rig.config import parse_rig
+from sim_hardware.offline import study_plans
+from sim_hardware.settings import BenchSettings
+
+
+@pytest.mark.parametrize("study", ["clinging", "plain"])
+def test_twin_is_a_rig_file_whose_bench_accepts_its_settings(
+    study: str, request: pytest.FixtureRequest
+) -> None:
+    text = (request.getfixturevalue(study).out / "twin.toml").read_text(encoding="utf-8")
+    rig = parse_rig(text, "twin.toml")
+    assert rig.companion is not None
+    assert rig.card.address == "companion:card"
+    bench = BenchSettings.from_toml(tomlkit.dumps(tomllib.loads(text)["companion"]["settings"]))
+    assert bench.specimens.published_tissue
+    assert bench.tissue.k0_mn_per_mm == pytest.approx(120.0, rel=0.02)
+    assert bench.noise.force_mn_rms == pytest.approx(0.3, rel=0.05)
+    assert bench.noise.position_um_rms == pytest.approx(0.25, rel=0.1)
+
+
+def test_twin_behaves_as_the_found_simulation(
+    clinging: Any, bench_trials: Callable[..., list[Trial]]
+) -> None:
+    settings = tomllib.loads((clinging.out / "twin.toml").read_text(encoding="utf-8"))["companion"][
+        "settings"
+    ]
+    assert [e["name"] for e in settings["effects"]] == ["adhesion"]
+    assert settings["effects"][0]["rough"] == 0.0
+    trials = bench_trials(
+        tomlkit.dumps(settings), study_plans(depths_mm=(0.4, 0.6), repeats=2, hold_s=2.0, dwell_s=0.4)
+    )
+    cells = take_in_memory(trials).trials
+    tissue = Tissue(*(clinging.report["improved_parameters"][n]["value"] for n in
+                      ("k0_mn_per_mm", "k1_mn_per_mm", "tau1_s", "k2_mn_per_mm", "tau2_s")))  # fmt: skip
+    adhesion = library()["adhesion"]
+    values = {
+        **adhesion.null,
+        "pull_off_mn": clinging.report["mechanisms"][0]["parameters"]["pull_off_mn"]["value"],
+    }
+    simulation = Simulation(tissue, (Addition(adhesion, values),))
+    noise = NoiseModel(clinging.report["heldout"]["noise_floor_mn"])
+    whiteners = tuple(Whitener(t, noise) for t in cells)
+    # nothing but contact point and offset is fitted to the twin's trials
+    fit = fit_jointly(cells, whiteners, simulation, start_own(cells), frozen=True)
+    problem = Problem(cells, whiteners, noise.white_mn)
+    left = np.concatenate([problem.full_residual(fit, j) for j in range(len(cells))])
+    assert np.std(left) == pytest.approx(noise.white_mn, rel=0.04)
+
+
+def test_noise_of_the_twin_has_the_variance_of_the_model() -> None:
+    model = NoiseModel(0.2, ((0.01, 0.002), (0.04, 0.4)))
+    found = noise_settings(model, 3e-4)
+    assert found["force_mn_rms"] ** 2 + found["wander_mn_rms"] ** 2 == pytest.approx(model.rms_mn**2)
+    assert found["correlated_share"] == pytest.approx(0.01 / 0.05)
+    assert found["correlation_ms"] == pytest.approx(2.0)
+    assert found["wander_time_s"] == pytest.approx(0.4)
+    assert found["position_um_rms"] == pytest.approx(0.3)

@@ -128,8 +128,7 @@ def _times(profiles: Profiles, bins: Sequence[int], noise: float | None = None) 
     """Return where bins lie, median over trials; with ``noise``, only those that are clear in each trial."""
     start, stop = profiles.start_s[:, bins].copy(), profiles.stop_s[:, bins].copy()
     if noise is not None:
-        size: FloatArray = np.abs(profiles.standardised(noise)[:, bins])
-        clear = size > CLEAR
+        clear = np.asarray(np.abs(profiles.standardised(noise)[:, bins]) > CLEAR).reshape(start.shape)
         for times in (start, stop):
             times[clear.any(axis=1)[:, None] & ~clear] = np.nan
     here = ~np.all(np.isnan(start), axis=1)

@@ -88,7 +88,7 @@ def make_report(
     remainder = _remainder(places)
     verdict = _verdict(diagnosis, places, mechanisms, remainder, tolerance_mn)
     position = _position_windows(diagnosis)
-    mismatch = () if verdict == "no_mismatch" else places.before + position
+    mismatch = () if verdict == "no_mismatch" else places.before + position + _stray_windows(diagnosis)
     if verdict == "unknown" and mechanisms:
         mismatch = _remainder_first(places, mismatch)
     before, after = (
@@ -233,6 +233,38 @@ def _remainder(places: _Places) -> Remainder | None:
     )
 
 
+def large_strays(diagnosis: Diagnosis) -> tuple[Stray, ...]:
+    """Return the strays that are no small remainder (below a tenth) of what was named."""
+    named = sum(max(c.total_gain, 0.0) for c in diagnosis.named.chosen)
+    samples = sum(float(t.counts.sum()) for t in diagnosis.problem.trials)
+    noise = {"force": diagnosis.problem.white_mn}
+    if diagnosis.position is not None:
+        noise["position"] = diagnosis.position.noise_mm
+    return tuple(
+        s
+        for s in diagnosis.strays
+        if samples * (s.rms / noise.get(s.signal, 1.0)) ** 2 >= SMALL_REMAINDER * named
+    )
+
+
+def _stray_windows(diagnosis: Diagnosis) -> tuple[Window, ...]:
+    return tuple(
+        Window(
+            signal=s.signal,
+            phase=s.phase,
+            start_s=s.start_s,
+            stop_s=s.stop_s,
+            mean_residual_mn=0.0 if s.signal == "force" else None,
+            p_value=s.p_value,
+            share_of_mismatch=0.0,
+            conditions=s.words,
+            rms_mn=s.rms if s.signal == "force" else None,
+            mean_residual_um=0.0 if s.signal == "position" else None,
+        )
+        for s in large_strays(diagnosis)
+    )
+
+
 def _verdict(
     diagnosis: Diagnosis,
     places: _Places,
@@ -246,7 +278,7 @@ def _verdict(
         remainder.share >= SMALL_REMAINDER or remainder.rms_mn >= tolerance_mn
     )
     force_unknown = not diagnosis.named.chosen and not diagnosis.named.first_look.quiet
-    if lever_unknown or too_much or force_unknown:
+    if lever_unknown or too_much or force_unknown or large_strays(diagnosis):
         return "unknown"
     if not mechanisms:
         return "no_mismatch"

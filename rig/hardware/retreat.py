@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import math
 from dataclasses import dataclass
 
@@ -11,10 +12,14 @@ from numpy.typing import NDArray
 
 from analysis.recordings.trial import Calibration
 from rig.hardware.daq import Card, CardInput
-from rig.hardware.errors import RetreatFailedError
+from rig.hardware.errors import RetreatFailedError, SamplesLateError, SamplesLostError
 from rig.rig_file import CardSettings, LeverSettings
 
 FloatArray = NDArray[np.float64]
+
+_log = logging.getLogger(__name__)
+
+_TRIES = 3
 
 LOOK_S = 0.005
 """How long the inputs are averaged to see where the arm is."""
@@ -46,8 +51,20 @@ def bring_to_safety(
 ) -> Retreat:
     """Move the arm to the safe position with tasks of its own; the card must be free or left by the dead.
 
-    Raises CardError where the card refuses, RetreatFailedError where the arm does not follow.
+    Raises CardError where the card refuses, RetreatFailedError where the arm does not follow. A computer
+    too busy to read is no reason to leave the arm where it is: the move is then begun again.
     """
+    for _ in range(_TRIES - 1):
+        try:
+            return _bring_to_safety(card, settings, lever, calibration)
+        except (SamplesLostError, SamplesLateError) as error:
+            _log.warning("retreat begun again: %s", error)
+    return _bring_to_safety(card, settings, lever, calibration)
+
+
+def _bring_to_safety(
+    card: Card, settings: CardSettings, lever: LeverSettings, calibration: Calibration
+) -> Retreat:
     c, rate_hz = calibration, settings.sample_rate_hz
     card.clear_left_over_tasks()
     inputs = [settings.position_channel]

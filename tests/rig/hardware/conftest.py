@@ -76,6 +76,12 @@ def running_bench(text: str) -> Iterator[RunningBench]:
         yield RunningBench(rig, companion, control)
 
 
+@pytest.fixture(autouse=True)
+def _logs_beside_the_test(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """What a guard logs by default belongs to the test, not to the user."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+
+
 @pytest.fixture(scope="module")
 def bench() -> Iterator[RunningBench]:
     """A simulated bench in virtual time, loop-back wired."""

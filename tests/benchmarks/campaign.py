@@ -10,6 +10,7 @@ campaigns and print their tables with `rig.proof_scores`.
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import sys
 import time
@@ -22,6 +23,7 @@ from typing import Any
 
 import numpy as np
 
+import sim_hardware
 from sim_hardware.cases import NOISES, RUNGS, Case, Hidden, draw_case, draw_pair
 from sim_hardware.knobs import ABSORBED, LIBRARY, OUTSIDE
 from sim_hardware.offline import TrialPlan, record_study, study_plans
@@ -88,6 +90,15 @@ def drawn(number: int, spec: Spec, seed: int, kept: Path) -> Case:
     return case
 
 
+def bench_digest() -> str:
+    """Return a digest of the bench's sources: cases drawn on another bench have other strengths on this one."""
+    folder = Path(sim_hardware.__file__).parent
+    digest = hashlib.sha256()
+    for path in sorted(folder.rglob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:8]
+
+
 def run_case(number: int, spec: Spec, seed: int, kept: Path) -> Row:
     """Draw, record and diagnose one case."""
     from analysis.mismatch.diagnosis import diagnose
@@ -148,7 +159,7 @@ def run(
     done = {r["number"] for r in rows}
     wanted = [(i, s) for i, s in enumerate(specs(campaign, n, seed)) if i not in done]
     with path.open("a") as file:
-        for row in _done(wanted, seed, processes, out / "drawn" / f"{campaign}-{seed}"):
+        for row in _done(wanted, seed, processes, out / f"drawn-{bench_digest()}" / f"{campaign}-{seed}"):
             file.write(json.dumps(row) + "\n")
             file.flush()
             rows.append(row)

@@ -35,9 +35,13 @@ class Study:
     trials: tuple[CellTrial, ...]
     added_mn: tuple[Any, ...]
     fit: JointFit
+    bench: BenchSettings
+    effect: EffectSettings
+    strength: float
+    """Strength of the effect as it was recorded, by the analysis' own baseline."""
 
 
-def study_with(name: str, seed: int) -> Study:
+def study_with(name: str, seed: int, paths: Paths = PATHS) -> Study:
     """Record a study with an effect of the library, as it usually is, and one without."""
     bench = BenchSettings(seed=seed)
     knob = LIBRARY[name]
@@ -46,8 +50,8 @@ def study_with(name: str, seed: int) -> Study:
     effect = EffectSettings.model_validate(
         {"name": name, **knob.values(0.05 * knob.start, drawn), "rough": 0.5}
     )
-    without = record_quietly(quiet_bench(bench, (), False), PATHS)
-    with_it = record_quietly(quiet_bench(bench, (effect,), False), PATHS)
+    without = record_quietly(quiet_bench(bench, (), False), paths)
+    with_it = record_quietly(quiet_bench(bench, (effect,), False), paths)
     trials = take_in_memory([_trial(q, i) for i, q in enumerate(without)]).trials
     problem = weighed(trials, NoiseModel(NOISE_MN))
     fit = problem.fit(Simulation(start_tissue(trials)), start_own(trials), rounds=25)
@@ -57,7 +61,7 @@ def study_with(name: str, seed: int) -> Study:
     )
     difference = [b.force_mn - a.force_mn for a, b in zip(without, with_it, strict=True)]
     scale = _orthogonal_norm(weighed(trials, NoiseModel(NOISE_MN)), fit, difference)
-    return Study(trials, tuple(d / scale for d in difference), fit)
+    return Study(trials, tuple(d / scale for d in difference), fit, bench, effect, scale)
 
 
 def _cells(trial: CellTrial, signal: Any) -> Any:

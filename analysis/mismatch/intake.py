@@ -72,6 +72,11 @@ def take_in_memory(trials: Sequence[Trial], *, hold_only: bool = False) -> Intak
 def _reduce(
     heads: Sequence[Trial], left_out: tuple[str, ...], load: Callable[[Trial], Trial], hold_only: bool
 ) -> Intake:
+    if hold_only and any(h.kind != "ramp_hold_retract" for h in heads):
+        raise BadInputError(
+            "the step baseline compares holds on skin only; leave out air sweeps and rigid targets, "
+            "or use --baseline ramp"
+        )
     heads = sorted(heads, key=lambda t: (t.started, t.path))
     with_command = [h for h in heads if h.command_v is not None]
     servo = fit_servo([load(h) for h in with_command[:SERVO_TRIALS]])

@@ -185,7 +185,7 @@ def linearise(
         moved = vector.copy()
         moved[k] += step
         columns[:, k] = (simulation.moved_to(moved, trials).force_mn(trial, own) - force) / step
-    own_columns = [np.ones_like(force)]
+    own_columns = [np.ones_like(force)] if trial.frees_offset else []
     if trial.touches:
         deeper = simulation.force_mn(trial, replace(own, z0_mm=own.z0_mm + Z0_STEP_MM))
         own_columns.append((deeper - force) / Z0_STEP_MM)
@@ -251,17 +251,19 @@ def fit_jointly(
             shared_step: FloatArray = np.zeros(0)
             moved = simulation
             if len(gradient):
-                shared_step = np.linalg.lstsq(hessian + damping * scale, gradient, rcond=1e-13)[0]
+                solved = np.linalg.lstsq(hessian + damping * scale, gradient, rcond=1e-13)[0]
+                shared_step = np.asarray(solved, dtype=np.float64)
                 moved = simulation.moved_to(
                     simulation.vector(trials) + _kept_short(shared_step, simulation, trials), trials
                 )
             promised = float(gradient @ shared_step)
             new_own, new_coefficients = [], []
             for trial, o, c, (beta_r, beta_J) in zip(trials, own, coefficients, reduced, strict=True):
-                step = beta_r - beta_J @ shared_step
-                z0 = o.z0_mm + (float(np.clip(step[1], -0.3, 0.3)) if trial.touches else 0.0)
-                new_own.append(PerTrial(z0, o.offset_mn + float(step[0])))
-                new_coefficients.append(c + step[2 if trial.touches else 1 :])
+                step = list(beta_r - beta_J @ shared_step)
+                offset = o.offset_mn + (float(step.pop(0)) if trial.frees_offset else 0.0)
+                z0 = o.z0_mm + (float(np.clip(step.pop(0), -0.3, 0.3)) if trial.touches else 0.0)
+                new_own.append(PerTrial(z0, offset))
+                new_coefficients.append(c + np.array(step))
             new_latent = [moved.latent_columns(t, o) for t, o in zip(trials, new_own, strict=True)]
             new_lines, new_cost = _linearise_all(
                 trials, whiteners, moved, new_own, new_latent, new_coefficients, frozen

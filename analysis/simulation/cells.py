@@ -74,6 +74,11 @@ class CellTrial:
         """Whether anything is below the arm in this trial."""
         return self.kind != "air_sweep"
 
+    @property
+    def frees_offset(self) -> bool:
+        """Whether the offset is fitted: a hold by itself can't tell it from the stiffness, so there it is measured."""
+        return bool(self.fitted.all())
+
     def in_phase(self, name: str) -> NDArray[np.bool_]:
         """Mask (n,) of the cells of a phase."""
         return np.asarray(self.phase == PHASE_NAMES.index(name))

@@ -1,0 +1,90 @@
+"""The library: names and parameters as fixed, each law absent at its null and present at its probes."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.simulation.cells import CellTrial, reduce_trial
+from analysis.simulation.forward import PerTrial, simulate_force
+from analysis.simulation.mechanism import Mechanism, Tissue, library
+from analysis.simulation.motion import estimate_motion
+
+SHARED = Path(__file__).parents[4] / "shared" / "mechanisms.md"
+TISSUE = Tissue(120.0, 44.5, 2.279, 35.3, 0.149)
+
+
+@pytest.fixture(scope="module")
+def trial() -> CellTrial:
+    import sys
+
+    sys.path.append(str(Path(__file__).parents[2]))
+    from bench_trials import bench_trials
+
+    from sim_hardware.offline import study_plans
+
+    plans = study_plans(depths_mm=(0.4,), repeats=2)
+    recorded = bench_trials("seed = 3\n[specimens]\npublished_tissue = true\n", plans)[1]
+    return reduce_trial(recorded, estimate_motion(recorded), order=1, previous_depth_mm=0.4)
+
+
+def test_names_and_parameters_are_those_of_the_physics_library() -> None:
+    if not SHARED.exists():
+        pytest.skip("the physics library's text is not beside the project")
+    rows = re.findall(r"^\| `(\w+)` \| (\w+) \|.*\| ([^|]*) \|$", SHARED.read_text(), re.MULTILINE)
+    assert {name for name, _, _ in rows} == set(library())
+    for name, stage, parameters in rows:
+        mechanism = library()[name]
+        assert mechanism.stage == stage, name
+        outer = [p.name for p in mechanism.parameters if not p.inner]
+        assert outer == re.findall(r"`(\w+)`", parameters), name
+
+
+@pytest.mark.parametrize(
+    "mechanism", [m for m in library().values() if m.form == "law"], ids=lambda m: m.name
+)
+def test_law_is_absent_at_its_null_and_seen_at_its_probes(mechanism: Mechanism, trial: CellTrial) -> None:
+    own = PerTrial(trial.z0_start_mm, trial.offset_start_mn)
+    plain = simulate_force(trial, TISSUE, own)
+    null = simulate_force(trial, TISSUE, own, [(mechanism, mechanism.null)])
+    size = float(np.ptp(plain))
+    # an arc of 10 m is as straight as a parameter with an upper bound can say
+    np.testing.assert_allclose(null, plain, atol=(1e-4 if mechanism.name == "lever_arc" else 1e-9) * size)
+    seen = []
+    for values in mechanism.probe_settings(size):
+        changed = simulate_force(trial, TISSUE, own, [(mechanism, values)])
+        assert np.all(np.isfinite(changed))
+        seen.append(float(np.max(np.abs(changed - plain))))
+    # what the previous indentation left may be gone after the rest, for the shorter of its times
+    assert (max(seen) if mechanism.name == "incomplete_recovery" else min(seen)) > 1e-5 * size
+
+
+def test_every_mechanism_says_in_words_what_it_is() -> None:
+    for mechanism in library().values():
+        assert len(mechanism.words) > 20, mechanism.name
+        assert mechanism.source, mechanism.name
+        if mechanism.parameters:
+            assert mechanism.amplitude in {p.name for p in mechanism.parameters}
+        for other in mechanism.inseparable:
+            assert other in library()
+
+
+def test_compliance_before_a_rigid_block_is_two_springs_in_series() -> None:
+    n = 400
+    x = np.linspace(-0.001, 0.01, n)
+    zeros = np.zeros(n)
+    block = CellTrial(
+        label="block", kind="rigid_target", condition="", order=0, sample_rate_hz=8000.0,
+        starts=np.arange(n), counts=np.ones(n), full_force_mn=zeros.astype(np.float32),
+        full_servo_residual_mm=zeros.astype(np.float32), time_s=np.arange(n) / 8000.0, position_mm=x,
+        velocity_mm_s=np.gradient(x) * 8000.0, acceleration_mm_s2=zeros, command_mm=x, force_mn=zeros,
+        servo_residual_mm=zeros, servo_signature_mm=np.zeros((n, 2)), phase=np.full(n, 2), z0_start_mm=0.0,
+        offset_start_mn=0.0, depth_mm=0.01, has_command=True,
+    )  # fmt: skip
+    compliance = library()["lever_compliance"]
+    force = simulate_force(
+        block, TISSUE, PerTrial(0.0, 0.0), [(compliance, {"compliance_um_per_mn": 0.5})], rigid_stiffness=2e4
+    )
+    slope = np.polyfit(x[-50:], force[-50:], 1)[0]
+    assert slope == pytest.approx(1.0 / (1.0 / 2e4 + 0.5e-3), rel=1e-3)

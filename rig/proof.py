@@ -16,6 +16,7 @@ import tomlkit
 from rich.console import Console
 
 from analysis.errors import BadInputError
+from rig.errors import RigError
 from rig.headless import SIMULATED_RIG, run_protocol_file
 from rig.proof_keeper import Keeper, Opened
 from rig.proof_page import ScoredCase, case_data, print_tables, write_page
@@ -57,7 +58,8 @@ class Diagnosed:
 def run_proof(*, cases: int, seed: int, out: Path) -> Path:
     """Conceal, seal, record, diagnose, open and score; return the page's path.
 
-    Raises BadInputError where ``out`` holds something already, RigError where the bench or a seal fails.
+    A case that can't be recorded or diagnosed is counted as failed. Raises BadInputError where ``out`` holds
+    something already, RigError where a seal does not fit.
     """
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise BadInputError(f"{out}: is there already: give another --out, or remove it")
@@ -89,7 +91,11 @@ def _one_case(keeper: Keeper, number: int, seed: int, out: Path, console: Consol
     study.write_text(text, encoding="utf-8")
     console.print(f"\n[bold]Case {number}[/bold]: record {TRIALS} trials", highlight=False)
     started = time.monotonic()
-    trials = run_protocol_file(study, rig=rig, out=folder / "trials")
+    try:
+        trials = run_protocol_file(study, rig=rig, out=folder / "trials")
+    except RigError as error:  # one bench that fails is told and counted, the others go on
+        console.print(f"[bold]Case {number}[/bold]: {error}", style="red", highlight=False, soft_wrap=True)
+        return Diagnosed(number, None, f"recording failed: {error}", time.monotonic() - started, 0.0)
     recorded = time.monotonic()
     console.print(f"[bold]Case {number}[/bold]: diagnose", highlight=False)
     report, failure = _diagnose(trials, folder / "diagnosis", seed)

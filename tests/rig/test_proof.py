@@ -110,3 +110,17 @@ def test_a_diagnosis_that_fails_is_counted_and_told(tmp_path: Path) -> None:
     report, failure = proof._diagnose(tmp_path / "trials", tmp_path / "diagnosis", 0)
     assert report is None
     assert "exit code 2" in failure
+
+
+def test_a_bench_that_fails_is_counted_and_the_others_go_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def record(protocol: Path, *, rig: Path, out: Path) -> Path:
+        raise RigError("the card is gone; plug it in")
+
+    monkeypatch.setattr(proof, "run_protocol_file", record)
+    page = proof.run_proof(cases=1, seed=NULL_SEED, out=tmp_path / "proof")
+    found = json.loads((tmp_path / "proof" / "proof.json").read_text())
+    assert found["cases"][0]["failure"] == "recording failed: the card is gone; plug it in"
+    assert found["figures"] == []
+    assert "plug it in" in page.read_text()

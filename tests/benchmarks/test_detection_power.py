@@ -13,6 +13,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 import detection
 
+from analysis.mismatch.signflip import flip_test
 from rig.proof_scores import decibel, matched_strength, strength_at
 
 NAMES = ("adhesion", "viscous_friction", "third_relaxation", "force_drift", "heartbeat", "slip")
@@ -43,3 +44,21 @@ def test_strength_at_half_and_most_detections(name: str) -> None:
             f"{LEVEL:.0%}: {ideal:.2f}; {decibel(reached / ideal):.1f} dB"
         )
     assert np.mean(false_alarms) < 0.5
+
+
+@pytest.mark.benchmark
+def test_what_sign_flips_cost_by_themselves() -> None:
+    """One candidate of known shape, its scores flipped over 20 trials: 2000 replicates tell it to 0.1 dB."""
+    random = np.random.default_rng(8)
+    strengths = random.uniform(1.0, 7.0, 2000)
+    seen = []
+    for s in strengths:
+        scores = s / np.sqrt(20) + random.standard_normal((20, 1))
+        test = flip_test(scores, np.ones(1, dtype=bool), random, LEVEL)
+        seen.append(bool(test.p_value[0] <= LEVEL))
+    for power in (0.5, 0.9):
+        reached = strength_at(power, strengths.tolist(), seen)
+        assert reached is not None
+        ratio = reached / matched_strength(power, LEVEL)
+        print(f"\nsign-flips over 20 trials, {power:.0%}: {reached:.2f}, {decibel(ratio):.1f} dB", end="")
+        assert decibel(ratio) < 2.0

@@ -128,9 +128,9 @@ def _times(profiles: Profiles, bins: Sequence[int], noise: float | None = None) 
     """Return where bins lie, median over trials; with ``noise``, only those that are clear in each trial."""
     start, stop = profiles.start_s[:, bins].copy(), profiles.stop_s[:, bins].copy()
     if noise is not None:
-        clear = np.asarray(np.abs(profiles.standardised(noise)[:, bins]) > CLEAR).reshape(start.shape)
-        for times in (start, stop):
-            times[clear.any(axis=1)[:, None] & ~clear] = np.nan
+        size = np.abs(profiles.standardised(noise)[:, bins])
+        quiet = (size <= CLEAR) & (size.max(axis=1, keepdims=True) > CLEAR)
+        start[quiet], stop[quiet] = np.nan, np.nan
     here = ~np.all(np.isnan(start), axis=1)
     return (
         float(np.median(np.nanmin(start[here], axis=1))),

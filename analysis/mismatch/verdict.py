@@ -327,7 +327,10 @@ def _not_identifiable(diagnosis: Diagnosis) -> tuple[NotIdentifiable, ...]:
 
 
 def noise_floor_mn(diagnosis: Diagnosis) -> float:
-    """Return the noise (mN rms a sample) measured from repeats: what is left, less what of it repeats."""
+    """Return the noise (mN rms a sample) measured from repeats: what is left, less what of it repeats.
+
+    Never below half of the white noise that neighbouring samples show: of a single trial all of it repeats.
+    """
     problem, fit = diagnosis.problem, diagnosis.improved
     total, samples = 0.0, 0.0
     for j in range(len(problem.trials)):
@@ -335,7 +338,7 @@ def noise_floor_mn(diagnosis: Diagnosis) -> float:
         total += float(r @ r) * len(r) / max(len(r) - len(fit.latents[j]) - 2, 1)
         samples += len(r)
     repeats = max(float(problem.repeatable(fit).sum()), 0.0) * problem.white_mn**2
-    return float(np.sqrt(max(total - repeats, 0.25 * total) / samples))
+    return float(np.sqrt(max((total - repeats) / samples, 0.25 * problem.white_mn**2)))
 
 
 def _compare(diagnosis: Diagnosis, held: HeldOut) -> Comparison:

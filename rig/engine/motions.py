@@ -11,7 +11,7 @@ from analysis.recordings.trial import FloatArray, Surface
 from rig.engine.errors import ContactTooEarlyError, SurfaceNotFoundError
 from rig.engine.recorder import Recorder
 from rig.engine.states import State
-from rig.hardware.lever import Lever, Playback
+from rig.hardware.lever import Chunk, Lever, Playback
 from rig.protocols.contact import ContactDetector, ReleaseDetector, locate_crossing
 from rig.protocols.indenting import FREE_S
 from rig.protocols.steps import Approach, Motion, RampTo, Retract, Stay, Sweep
@@ -34,6 +34,22 @@ class _Free:
 
     force_mn: float
     noise_mn: float
+
+
+class _StopAtContact:
+    """Looks at samples as they come and halts the arm at contact, before they are written anywhere."""
+
+    def __init__(self, lever: Lever, detector: ContactDetector, free_mn: float) -> None:
+        self._lever = lever
+        self._detector = detector
+        self._free_mn = free_mn
+        self.decided: int | None = None
+        self.stopped_mm = lever.commanded_mm
+
+    def __call__(self, chunk: Chunk) -> None:
+        self.decided = self._detector.feed(chunk.force_mn - self._free_mn)
+        if self.decided is not None:
+            self.stopped_mm = self._lever.halt()
 
 
 class TrialMotions:
@@ -90,16 +106,15 @@ class TrialMotions:
         waveform = ramp_mm(start_mm, lever.limits.travel_max_mm, step.speed_mm_s, lever.sample_rate_hz)
         detector = ContactDetector(threshold_mn, step.samples_above, step.samples_watched)
         playback = lever.play(waveform)
-        decided = None
-        while decided is None:
-            chunk = recorder.take(step.samples_per_read)
-            decided = detector.feed(chunk.force_mn - self._free.force_mn)
-            if decided is None and playback.done:
+        stop_at_contact = _StopAtContact(lever, detector, self._free.force_mn)
+        while stop_at_contact.decided is None:
+            recorder.take(step.samples_per_read, stop_at_contact)
+            if stop_at_contact.decided is None and playback.done:
                 raise SurfaceNotFoundError(
                     f"no contact of {threshold_mn:.3g} mN up to the travel limit of "
                     f"{lever.limits.travel_max_mm:g} mm: raise the finger, or lower contact_threshold_mn"
                 )
-        stopped_mm = lever.halt()
+        decided, stopped_mm = stop_at_contact.decided, stop_at_contact.stopped_mm
         self._contact(first, first + decided, threshold_mn)
         stop = recorder.started(playback) + _played(waveform, start_mm, stopped_mm)
         self._still_since = stop

@@ -46,11 +46,14 @@ class Recorder:
         """Forces of the trial so far, (n,), mN."""
         return self._force_mn[: self.n]
 
-    def take(self, n: int) -> Chunk:
-        """Read the next n samples, write them, hand them on; after a limit hit, what follows it as well."""
+    def take(self, n: int, at_once: Callable[[Chunk], None] = lambda _: None) -> Chunk:
+        """Read the next n samples, write them, hand them on; after a limit hit, what follows it as well.
+
+        `at_once` sees the samples before anything else is done with them.
+        """
         self._check()
         try:
-            return self._next(n)
+            return self._next(n, at_once)
         except LimitHit as hit:
             self.note(hit.sample, "limit", str(hit))
             self._keep_after_limit()
@@ -109,12 +112,13 @@ class Recorder:
     def _keep_after_limit(self) -> None:
         """Record the arm's way out; where even that fails, the limit hit is what is told."""
         try:
-            self._next(round(_AFTER_LIMIT_S * self._lever.sample_rate_hz))
+            self._next(round(_AFTER_LIMIT_S * self._lever.sample_rate_hz), lambda _: None)
         except HardwareError as error:
             self.note(self.n, "recording", f"nothing recorded after the limit was hit: {error}")
 
-    def _next(self, n: int) -> Chunk:
+    def _next(self, n: int, at_once: Callable[[Chunk], None]) -> Chunk:
         chunk = self._lever.read(n)
+        at_once(chunk)
         self._writer.append(chunk.position_v, chunk.force_v, chunk.command_v)
         self._keep(chunk)
         self._follow(chunk)

@@ -27,6 +27,8 @@ RIG = """
 address = "companion:card"
 loopback_channel = "ai2"
 read_interval_s = 0.05
+[guard]
+heartbeat_timeout_s = 60.0            # these tests share their computer with others, and none of them hangs
 [stage]
 port = "companion:stage"
 [balance]

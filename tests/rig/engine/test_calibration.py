@@ -21,6 +21,7 @@ from rig.calibrating import calibrate_on_bench, routine
 from rig.calibrations import CalibrationFile, load_calibration, newest_calibration
 from rig.engine.bench import Bench
 from rig.hardware.lever import Chunk
+from rig.protocol_file import BlockDetection, PositionCalibration
 from rig.protocols.calibration_lines import student_95
 from rig.rig_file import LeverSettings, RigFile
 from sim_hardware.settings import BenchSettings
@@ -137,7 +138,10 @@ QUIET = Console(quiet=True)
 
 
 def test_position_through_the_driver(bench: Any, tmp_path: Path) -> None:
-    path = calibrate_on_bench(bench.bench, routine("position"), tmp_path, QUIET)
+    # one approach a height, and the first from close by: the block of this bench lies at some 4.6 mm
+    near = BlockDetection(start_mm=4.3)
+    protocol = PositionCalibration(kind="position_calibration", repeats=1, surface=near)
+    path = calibrate_on_bench(bench.bench, protocol, tmp_path, QUIET)
     found, truth = load_calibration(path), bench.control.call("truth")
     assert found.constants["volts_per_mm"].value == pytest.approx(truth["volts_per_mm"], rel=1e-3)
     # the command's zero is such that the arm stands where it is sent

@@ -150,14 +150,17 @@ def run(
     *,
     seed: int = 1,
     processes: int = 1,
+    only: frozenset[int] = frozenset(),
     listen: Callable[[Row], None] | None = None,
 ) -> list[Row]:
-    """Run a campaign, or go on with it; return all its rows in order."""
+    """Run a campaign, or go on with it; return all its rows in order. ``only``: these cases (empty: all)."""
     out.mkdir(parents=True, exist_ok=True)
     path = out / f"{campaign}-{seed}.jsonl"
     rows = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
     done = {r["number"] for r in rows}
-    wanted = [(i, s) for i, s in enumerate(specs(campaign, n, seed)) if i not in done]
+    wanted = [
+        (i, s) for i, s in enumerate(specs(campaign, n, seed)) if i not in done and (not only or i in only)
+    ]
     with path.open("a") as file:
         for row in _done(wanted, seed, processes, out / f"drawn-{bench_digest()}" / f"{campaign}-{seed}"):
             file.write(json.dumps(row) + "\n")
@@ -189,6 +192,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--processes", type=int, default=1)
+    parser.add_argument("--only", type=int, nargs="*", default=[], help="numbers of the cases to run")
     given = parser.parse_args()
 
     def tell(row: Row) -> None:
@@ -204,7 +208,15 @@ def main() -> int:
             flush=True,
         )
 
-    run(given.campaign, given.cases, given.out, seed=given.seed, processes=given.processes, listen=tell)
+    run(
+        given.campaign,
+        given.cases,
+        given.out,
+        seed=given.seed,
+        processes=given.processes,
+        only=frozenset(given.only),
+        listen=tell,
+    )
     return 0
 
 

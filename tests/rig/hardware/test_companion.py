@@ -175,4 +175,4 @@ def test_a_person_is_asked_in_plain_words(
 
 def test_every_request_has_words() -> None:
     assert words_for("clear_air", {}) == "Clear everything from below the arm"
-    assert words_for("place_on_balance", {"mass_g": 5.0}) == "place on balance: mass_g 5.0"
+    assert words_for("sweep_floor", {"rooms": 2}) == "sweep floor: rooms 2"

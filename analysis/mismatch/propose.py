@@ -301,7 +301,15 @@ def _statistics(
         whitener = Whitener(trial, diagnosis.noise)
         nothing = np.zeros((len(trial.time_s), 0))
         line = linearise(trial, whitener, item.fit.simulation, own, [*skin, trial], nothing, np.zeros(0))
-        true = simulate_force(trial, item.tissue_of.simulation.tissue, own, item.other)
+        other = item.tissue_of.simulation
+        true = simulate_force(
+            trial,
+            other.tissue,
+            own,
+            item.other,
+            rigid_stiffness=item.fit.simulation.rigid_stiffness,
+            ideal_step=other.ideal_step and trial.kind == "ramp_hold_retract",
+        )
         difference = whitener(true - item.fit.simulation.force_mn(trial, own))
         left, _ = project_out(line.A, np.column_stack([difference, line.J[:, :size]]))
         g, J = item.scale * left[:, 0], left[:, 1:]

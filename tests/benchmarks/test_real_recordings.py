@@ -1,0 +1,110 @@
+"""What the diagnosis says of other laboratories' recordings, and whether it is right.
+
+Each is imported and diagnosed as `indenter import` and `indenter diagnose` do it. Single recordings hold no
+repeats, so that significance rests on blocks within them: read the figures with that in mind.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from analysis.errors import BadInputError
+from analysis.mismatch.diagnose import diagnose_paths
+from analysis.recordings.importing import import_files
+from analysis.recordings.trial import Kind
+
+RECORDINGS = Path(__file__).parents[3] / "shared" / "recordings"
+PUBLISHED_EMPS = {  # Janot, Gautier, Brunot 2019: 95.1 kg, 203.5 N s/m, 20.4 N
+    ("arm_inertia", "mass_g"): 95.1e3,
+    ("viscous_friction", "coefficient_mn_s_per_mm"): 203.5,
+    ("coulomb_friction", "force_mn"): 20.4e3,
+}
+
+
+@pytest.fixture
+def said(tmp_path: Path) -> Callable[..., dict[str, Any]]:
+    """Function (title, files, kind) -> report; prints what it says."""
+
+    def diagnosed(title: str, files: list[Path], kind: Kind | None = None) -> dict[str, Any]:
+        if not all(f.exists() for f in files):
+            pytest.skip(f"the recordings are not there: {RECORDINGS}")
+        page = diagnose_paths(import_files(files, tmp_path / title, kind), out=tmp_path / f"{title}-out")
+        report: dict[str, Any] = json.loads((page.parent / "report.json").read_text(encoding="utf-8"))
+        print(f"\n{title}: {report['verdict']}\n  {report['summary']}")
+        for m in report["mechanisms"]:
+            values = ", ".join(
+                f"{n} {q['value']:.4g} +- {q['se']:.2g} {q['unit']}" for n, q in m["parameters"].items()
+            )
+            print(
+                f"  {m['name']}: {values}; or {m['alternatives'] or 'nothing else'}; p = {m['p_value']:.2g}"
+            )
+        for w in report["mismatch"][:6]:
+            print(
+                f"  differs in {w['phase']} {w['start_s']:.3f}-{w['stop_s']:.3f} s, {w['share_of_mismatch']:.0%}"
+            )
+        h = report["heldout"]
+        print(
+            f"  rms {h['baseline_rms_mn']:.4g} -> {h['improved_rms_mn']:.4g} mN, explained {report['explained_share']:.1%}"
+        )
+        return report
+
+    return diagnosed
+
+
+@pytest.mark.benchmark
+def test_servo_axis_in_free_travel(said: Callable[..., dict[str, Any]]) -> None:
+    report = said("emps_servo", [RECORDINGS / "emps_servo" / "emps_train.csv"], "air_sweep")
+    found = {m["name"]: m["parameters"] for m in report["mechanisms"]}
+    for (name, parameter), published in PUBLISHED_EMPS.items():
+        value = found.get(name, {}).get(parameter, {}).get("value")
+        print(f"  {name}: published {published:.4g}, found {'nothing' if value is None else f'{value:.4g}'}")
+    assert found, "something of inertia and friction must be found"
+
+
+@pytest.mark.benchmark
+def test_cell_relaxation_by_afm(said: Callable[..., dict[str, Any]]) -> None:
+    report = said("afm_relaxation", [RECORDINGS / "afm_relaxation" / "fmt-jpk-sr_cell1-0008.jpk-force"])
+    print("  expected: adhesion on the retract (about -1e-4 mN), stiffening; found:", _names(report))
+    assert report["verdict"] != "no_mismatch"
+    assert any(w["phase"] == "retract" for w in report["mismatch"])
+
+
+@pytest.mark.benchmark
+def test_lever_indentations(said: Callable[..., dict[str, Any]]) -> None:
+    folder = RECORDINGS / "aurora_ddf"
+    report = said("aurora_ddf", [folder / f"relaxation_{n}.ddf" for n in ("10_1", "20_1", "70_1", "100_1")])
+    print(
+        "  expected: the lever's ringing and overshoot at its stop, unknown to the library; found:",
+        _names(report),
+    )
+    assert report["verdict"] != "no_mismatch"
+
+
+@pytest.mark.benchmark
+def test_muscle_ramps(said: Callable[..., dict[str, Any]], tmp_path: Path) -> None:
+    """Ramps of 0.1 to 100 s were sampled differently, so that each is diagnosed by itself."""
+    for ramp in ("0.1", "1", "10", "100"):
+        source = RECORDINGS / "titin_ramps" / f"AvgRelaxed_{ramp}s.csv"
+        if not source.exists():
+            pytest.skip(f"the recordings are not there: {RECORDINGS}")
+        with source.open(encoding="utf-8") as stream:
+            rows = list(csv.reader(stream))[1:]
+        converted = tmp_path / f"titin_{ramp}s.csv"
+        lines = ["time_s,position_mm,force_mn", *(f"{r[0]},{r[1]},{r[2]}" for r in rows)]
+        converted.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        try:
+            report = said(f"titin_{ramp}s", [converted])
+        except BadInputError as error:
+            print(f"\ntitin_{ramp}s: refused: {error}")
+            continue
+        print("  expected: stiffening and a continuous spectrum (power law); found:", _names(report))
+
+
+def _names(report: dict[str, Any]) -> list[str]:
+    return [m["name"] for m in report["mechanisms"]]

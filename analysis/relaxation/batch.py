@@ -6,7 +6,7 @@ import os
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import replace
 from multiprocessing import get_all_start_methods, get_context
@@ -49,17 +49,16 @@ def fit_paths(
     rows, predictions = fit_to_tables(files, model=model, out=out, jobs=jobs, dask=dask)
     from analysis.relaxation.page import write_page
 
-    return write_page(out, files, rows, predictions)
+    with _writing_to(out):
+        return write_page(out, files, rows, predictions)
 
 
 def fit_to_tables(
     files: Sequence[Path], *, model: Model, out: Path, jobs: int | None = None, dask: str | None = None
 ) -> tuple[list[TrialFit], list[CrossPrediction]]:
     """Fit the files and write fits.csv and fits.json; return the rows, one a file, and what they predict."""
-    try:
+    with _writing_to(out):
         out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise BadInputError(f"{out}: can't be made ({error.strerror}): choose another --out") from error
     with _executor(len(files), jobs, dask) as executor, _progress(len(files)) as advance:
         rows = fit_files(files, model, executor, advance)
     unread = [row for row in rows if row.failure.startswith(_UNREAD)]
@@ -69,9 +68,20 @@ def fit_to_tables(
     rows = _distinct_names(files, rows)
     predictions = cross_predict(files, rows)
     rows = flag_failures(rows, predictions)
-    write_csv(out / "fits.csv", rows)
-    write_json(out / "fits.json", rows, summarise(rows), predictions)
+    with _writing_to(out):
+        write_csv(out / "fits.csv", rows)
+        write_json(out / "fits.json", rows, summarise(rows), predictions)
     return rows, predictions
+
+
+@contextmanager
+def _writing_to(out: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise BadInputError(
+            f"{error.filename or out}: can't be written ({error.strerror}): choose another --out"
+        ) from error
 
 
 def fit_files(
@@ -94,8 +104,14 @@ def fit_files(
     tasks = {executor.submit(_fit_chunk, chunk, model): i for i, chunk in enumerate(chunks)}
     done: dict[int, list[TrialFit]] = {}
     for task in as_completed(tasks):
-        done[tasks[task]] = task.result()
-        advance(len(chunks[tasks[task]]))
+        chunk = chunks[tasks[task]]
+        try:
+            done[tasks[task]] = task.result()
+        except BrokenExecutor as error:
+            raise BadInputError(
+                f"{chunk[0]}: a fitting process died near this file: use --jobs 1 to see which it is"
+            ) from error
+        advance(len(chunk))
     return [row for i in range(len(chunks)) for row in done[i]]
 
 
@@ -123,7 +139,7 @@ def _executor(n_files: int, jobs: int | None, dask: str | None) -> Iterator[Exec
         with _dask_executor(dask) as executor:
             yield executor
         return
-    workers = min(jobs or len(os.sched_getaffinity(0)), max(1, n_files // 2))
+    workers = min(jobs or _cores(), max(1, n_files // 2))
     if workers == 1 or (jobs is None and n_files <= _FEW):
         yield None
         return
@@ -136,7 +152,16 @@ def _executor(n_files: int, jobs: int | None, dask: str | None) -> Iterator[Exec
     if method == "forkserver":
         context.set_forkserver_preload(_LOADED_ONCE)
     with ProcessPoolExecutor(workers, mp_context=context) as executor:
-        yield executor
+        try:
+            yield executor
+        except BaseException:  # interrupted: what waits in the queue is not to run first
+            executor.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+def _cores() -> int:
+    """Return the cores that this process may use, as far as the system says."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @contextmanager

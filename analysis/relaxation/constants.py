@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -91,5 +92,5 @@ def ramp_bias(ramp_s: float, tau_s: float) -> float:
     return float(-np.expm1(-ratio) / ratio) if ratio > 0 else 1.0
 
 
-def _ordered(terms: object) -> tuple[tuple[float, float], ...]:
-    return tuple(sorted(terms, key=lambda term: -term[1]))  # type: ignore[call-overload]
+def _ordered(terms: Iterable[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
+    return tuple(sorted(terms, key=lambda term: -term[1]))

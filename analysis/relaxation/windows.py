@@ -54,8 +54,8 @@ def cut_window(trial: Trial) -> FitWindow:
 
     An import that is unevenly sampled is used as it was taken, not as resampled.
     """
-    if trial.kind in ("air_sweep", "position_calibration", "force_calibration", "surface_detection"):
-        raise CannotFitError(f"no hold to fit: the trial is a {trial.kind.replace('_', ' ')}")
+    if trial.kind != "ramp_hold_retract":
+        raise CannotFitError(f"no relaxation of skin to fit: the trial is a {trial.kind.replace('_', ' ')}")
     hold = trial.phase("hold")
     if hold is None:
         raise CannotFitError("no hold to fit: the trial has no phase named hold")

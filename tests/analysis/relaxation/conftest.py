@@ -15,7 +15,7 @@ from analysis.relaxation.motion import servo_answer
 from analysis.relaxation.response import force_response
 
 RATE_HZ = 8000.0
-FINER = 4  # the truth is computed on a finer grid than it is sampled
+FINER = 2  # the truth is computed on a finer grid than it is sampled
 TRUTH = {"k0": 120.0, "A1_over_A0": 0.371, "A2_over_A0": 0.294, "t1_s": 2.279, "t2_s": 0.149}
 
 

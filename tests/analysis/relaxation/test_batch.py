@@ -6,7 +6,7 @@ import csv
 import json
 import re
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, Future, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -152,6 +152,26 @@ def test_dask_cluster_gives_the_same_table(folder: Path, written: Path, tmp_path
     ) as cluster:
         fit_paths([folder], out=tmp_path, dask=cluster.scheduler_address)
     assert (tmp_path / "fits.csv").read_text() == (written / "fits.csv").read_text()
+
+
+class DyingExecutor(ThreadPoolExecutor):
+    """An executor whose processes die at work."""
+
+    def submit(self, *_: object, **__: object) -> Future[object]:
+        failed: Future[object] = Future()
+        failed.set_exception(BrokenExecutor("a process died"))
+        return failed
+
+
+def test_a_dead_worker_is_one_line_that_names_a_file(folder: Path):
+    with DyingExecutor(1) as executor, pytest.raises(BadInputError, match=r"index_0.2_1.h5: .*died"):
+        fit_files([folder / "index_0.2_1.h5"], "ramp", executor)
+
+
+def test_results_that_cannot_be_written_are_one_line(folder: Path, tmp_path: Path):
+    (tmp_path / "fits.csv").mkdir()
+    with pytest.raises(BadInputError, match="can't be written"):
+        fit_paths([folder / "index_0.2_1.h5"], out=tmp_path, jobs=1)
 
 
 def test_files_of_one_name_are_told_apart(folder: Path, tmp_path: Path):

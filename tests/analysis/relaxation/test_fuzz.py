@@ -118,8 +118,8 @@ def short_trial(simulate: Callable[..., Trial]) -> Trial:
     return simulate(0.4, hold_s=1.5, dwell_s=0.3)
 
 
-def test_sixty_bad_files(tmp_path: Path, short_trial: Trial):
-    assert sum(fuzz(tmp_path, short_trial, 60, seed=1).values()) == 60
+def test_forty_bad_files(tmp_path: Path, short_trial: Trial):
+    assert sum(fuzz(tmp_path, short_trial, 40, seed=1).values()) == 40
 
 
 @pytest.mark.slow

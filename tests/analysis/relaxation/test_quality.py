@@ -155,6 +155,7 @@ def without(trial: Trial, **changes: Any) -> Trial:
     ("changes", "reason"),
     [
         ({"kind": "air_sweep"}, "air sweep"),
+        ({"kind": "rigid_target"}, "rigid target"),
         ({"phases": ()}, "no phase named hold"),
         ({"force_v": np.zeros(80000)}, "never changes"),
         ({"force_v": np.full(80000, np.nan)}, "finite"),

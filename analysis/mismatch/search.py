@@ -50,12 +50,14 @@ STRICT_LEVEL = 5e-4
 REFITTED = 7
 WORTH_REFITTING = 0.08
 MOST_MECHANISMS = 4
-SHARE_EXPLAINED = 0.35
+SHARE_EXPLAINED = (0.35, 0.6, 0.8)
 SMALL_SHARE = 0.10
 SMALL_MUST_EXPLAIN = 0.80
 EVENT_SCORE = 4.5
 SAME_EVENT_S = 0.3
 MOST_TRIALS = 0.6
+SMALLEST_SHARE = 0.002
+EXTRA_SHARE = 0.02
 WANDERING_HZ = 0.5
 QUICK_ABOVE_HZ = 4.0
 FEW_CONTRIBUTE = 7.0
@@ -463,15 +465,20 @@ def search(problem: Problem, baseline: JointFit, rng: np.random.Generator) -> Na
 def _worth_naming(problem: Problem, fit: JointFit, best: Candidate, explained: float) -> bool:
     """Judge whether a mechanism explains enough of what is left, the more the smaller it is beside the others.
 
-    A rough law's remainder can look like a little of anything; only what takes most of it away earns a name.
+    A rough law's remainder can look like a little of anything; only what takes most of it away earns a name. The
+    more laws are there already, the more a further one has to explain: three that explain a third each of what is
+    left are no physics but a fit.
     """
+    if best.total_gain < SMALLEST_SHARE * explained:
+        return False
     if best.mechanism.form == "oscillation":
         # an oscillation is in every trial; what is in a few is something else's remainder
-        return best.total_gain > 0.02 * explained and float(np.mean(best.gain > 0)) >= MOST_TRIALS
+        return float(np.mean(best.gain > 0)) >= MOST_TRIALS and best.total_gain > EXTRA_SHARE * explained
     if best.mechanism.form == "event":
-        return best.total_gain > 0.02 * explained
+        return best.total_gain > EXTRA_SHARE * explained
     left = max(problem.weighed_repeatable(fit), 0.0)
     slack = 2.0 * np.sqrt(2.0 * OUTSIDE)
     share = best.total_gain / (explained + max(best.total_gain, left))
-    needed = SHARE_EXPLAINED if share > SMALL_SHARE else SMALL_MUST_EXPLAIN
+    laws = sum(a.mechanism.form == "law" for a in fit.simulation.additions)
+    needed = SHARE_EXPLAINED[min(laws, 2)] if share > SMALL_SHARE else SMALL_MUST_EXPLAIN
     return bool(best.total_gain + slack >= needed * left)

@@ -14,13 +14,14 @@ from analysis.mismatch.joint import JointFit
 from analysis.mismatch.oscillations import stray_lines
 from analysis.mismatch.search import Problem
 from analysis.recordings.trial import PHASE_NAMES
-from analysis.simulation.cells import CellTrial
+from analysis.simulation.cells import MOVING_MM_S, CellTrial
 
 FloatArray = NDArray[np.float64]
 
 STRAY_LEVEL = 2e-4
 LINES_ABOVE_HZ = 15.0
 FAR_OFF = 6.0
+HUM_WANDERS_HZ = 0.6
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +29,7 @@ class Stray:
     """Something unexplained that does not repeat at one place: its channel, words, size and significance.
 
     ``rms`` is in mN or mm by ``signal``; ``start_s`` and ``stop_s`` the medians over trials of where it shows;
-    ``phase`` the phase that holds most of it.
+    ``phase`` the phase that holds most of it; ``frequency_hz`` that of a line, else 0.
     """
 
     signal: Literal["force", "position"]
@@ -38,6 +39,7 @@ class Stray:
     stop_s: float
     rms: float
     p_value: float
+    frequency_hz: float = 0.0
 
 
 def find_strays(problem: Problem, fit: JointFit) -> tuple[Stray, ...]:
@@ -46,7 +48,11 @@ def find_strays(problem: Problem, fit: JointFit) -> tuple[Stray, ...]:
     rate = trials[0].sample_rate_hz
     force = [problem.full_residual(fit, j) for j in range(len(trials))]
     found: list[Stray] = []
-    found += _lines("force", force, trials, rate)
+    hums = [a.hum.frequency_hz for a in fit.simulation.additions if a.hum is not None]
+    at_rest = [_kinks_taken_out(r, t) for r, t in zip(force, trials, strict=True)]
+    lines = _lines("force", at_rest, trials, rate)
+    # what is left of a line that was named is its remainder, not news
+    found += [s for s in lines if not any(_is_of(s.frequency_hz, f) for f in hums)]
     found += _far_off("force", force, trials)
     with_command = [t for t in trials if t.has_command]
     if with_command:
@@ -54,6 +60,21 @@ def find_strays(problem: Problem, fit: JointFit) -> tuple[Stray, ...]:
         found += _lines("position", position, with_command, rate)
         found += _far_off("position", position, with_command)
     return tuple(found)
+
+
+def _is_of(frequency_hz: float, hum_hz: float) -> bool:
+    """Tell whether a line is the hum itself or a harmonic of it, as far as hum wanders."""
+    harmonic = max(1, round(frequency_hz / hum_hz))
+    return abs(frequency_hz - harmonic * hum_hz) < HUM_WANDERS_HZ * harmonic
+
+
+def _kinks_taken_out(residual: FloatArray, trial: CellTrial) -> FloatArray:
+    """Return a force residual (N,) with nothing in motion or about kinks, where what rings is no line of its own."""
+    moving = (np.abs(trial.velocity_mm_s) > MOVING_MM_S) & (trial.kind != "air_sweep")
+    quick = ((trial.counts == 1) | moving) & trial.fitted
+    left = residual.copy()
+    left[np.repeat(quick[trial.fitted], trial.counts[trial.fitted].astype(np.int64))] = 0.0
+    return left
 
 
 def _slow_taken_out(trial: CellTrial) -> FloatArray:
@@ -83,7 +104,7 @@ def _lines(
     words = f"a line at {frequency:.4g} Hz"
     stop = float(np.median([t.time_s[-1] for t in trials]))
     longest = max(PHASE_NAMES, key=lambda name: float(trials[0].counts[trials[0].in_phase(name)].sum()))
-    return [Stray(signal, words, longest, 0.0, stop, rms, p)]
+    return [Stray(signal, words, longest, 0.0, stop, rms, p, frequency)]
 
 
 def _far_off(

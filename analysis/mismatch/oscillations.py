@@ -249,7 +249,7 @@ def mains_lines(sample_rate_hz: float) -> FloatArray:
 def line_p_value(power: FloatArray, looks: int) -> FloatArray:
     """Return for each frequency the chance (F,) that n trials' summed line power (T, F) is noise, of ``looks``."""
     total = power.sum(axis=0)
-    return np.minimum(1.0, looks * chi2_distribution.sf(2.0 * total, 2 * len(power)))
+    return np.asarray(np.minimum(1.0, looks * chi2_distribution.sf(2.0 * total, 2 * len(power))))
 
 
 def hum_addition(

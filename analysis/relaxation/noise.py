@@ -2,7 +2,8 @@
 
 The covariance of a least-squares estimate is the variance of a weighted sum of the noise. The noise's
 spectrum is measured on the residual: an autoregression whose order the Bayesian criterion chooses,
-fitted to means over XX
+fitted to means over short cells; where means over eight cells correlate as well, a second one at their
+scale gives the slow end.
 """
 
 from __future__ import annotations

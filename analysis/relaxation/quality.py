@@ -87,9 +87,8 @@ def _half_window_of_ramp(window: FitWindow, found: RampSolution) -> Check:
     n_arms = len(found.times_s)
     slowest = int(np.argmax(solution.parameters[:n_arms]))
     noise = neighbouring_noise(found.residual_mn)
-    before = estimate_covariance(solution.jacobian, half.edges, noise)[
-        n_arms + 2 + slowest, n_arms + 2 + slowest
-    ]
+    at = n_arms + 2 + slowest
+    before = estimate_covariance(solution.jacobian, half.edges, noise)[at, at]
     after = estimate_covariance(found.jacobian, found.blocks.edges, noise)[n_arms + 2, n_arms + 2]
     moved = float(solution.parameters[slowest]) - float(np.log(found.times_s[0]))
     return _window_check(moved, _difference_error(float(before), float(after)))

@@ -1,6 +1,7 @@
 """Kill -9 at random moments of pressing: how long until the simulated card has the arm at the safe position.
 
-`pytest -m benchmark -s tests/benchmarks/test_guard_speed.py`; aim: within 500 ms, every time.
+`pytest -m benchmark -s tests/benchmarks/test_guard_speed.py`; aim: within 500 ms, every time. On a computer
+that is busy with other work, run it with `nice -n -10`, or it measures that work.
 """
 
 from __future__ import annotations
@@ -60,9 +61,9 @@ def seconds_to_safety(program: subprocess.Popen[bytes], control: ControlService,
     """Kill the program; time until the arm is commanded to the safe position, s (inf: not in time)."""
     program.kill()
     killed_s = time.monotonic()
-    while (spent_s := time.monotonic() - killed_s) < patience_s:
+    while time.monotonic() - killed_s < patience_s:
         if abs(control.call("arm")["command_v"] - SAFE_V) < NEAR_V:
-            return spent_s
+            return time.monotonic() - killed_s
         time.sleep(0.001)
     return float("inf")
 

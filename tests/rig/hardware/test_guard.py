@@ -105,8 +105,8 @@ def test_kill_9_brings_the_arm_to_safety(real_time_bench: Any, rig_file: Path, t
         assert not at_safety(real_time_bench)
         program.kill()
         # 0.5 s on a machine of its own, which a test can't count on: the benchmark measures it
-        seconds_until(lambda: at_safety(real_time_bench), within_s=5.0)
-        seconds_until(lambda: not alive(guard), within_s=5.0)
+        seconds_until(lambda: at_safety(real_time_bench), within_s=20.0)
+        seconds_until(lambda: not alive(guard), within_s=20.0)
     log = (tmp_path / "guard.log").read_text()
     assert "the program is gone" in log
     assert "arm moved from" in log
@@ -124,7 +124,7 @@ def test_a_program_killed_with_the_arm_safe_leaves_the_card_free(
     program.kill()
     program.wait()
     program.stdout.close()
-    seconds_until(lambda: not alive(guard), within_s=10.0)
+    seconds_until(lambda: not alive(guard), within_s=20.0)
     assert "arm moved" not in (tmp_path / "guard.log").read_text()
     with real_time_bench.lever() as lever:
         assert lever.commanded_mm == pytest.approx(0.5, abs=0.002)
@@ -135,7 +135,7 @@ def test_a_program_that_hangs_is_relieved_of_the_arm(
 ) -> None:
     with pressing(rig_file) as (program, _):
         program.send_signal(signal.SIGSTOP)
-        seconds_until(lambda: at_safety(real_time_bench), within_s=10.0)
+        seconds_until(lambda: at_safety(real_time_bench), within_s=20.0)
         assert "no sign of life" in (tmp_path / "guard.log").read_text()
         program.send_signal(signal.SIGCONT)
         # it finds its tasks gone, and ends
@@ -147,7 +147,7 @@ def test_ctrl_c_is_the_programs_own_business(real_time_bench: Any, rig_file: Pat
         program.send_signal(signal.SIGINT)
         program.wait(20.0)
         assert at_safety(real_time_bench)
-        seconds_until(lambda: not alive(guard), within_s=5.0)
+        seconds_until(lambda: not alive(guard), within_s=20.0)
     assert (tmp_path / "guard.log").read_text() == ""
 
 

@@ -32,6 +32,7 @@ from analysis.simulation.mechanism import library
 
 SMALL_REMAINDER = 0.10
 SERVO_EXPLAINS = 0.7
+SERVO_KNOWN = 0.3
 
 
 @dataclass(frozen=True)
@@ -54,9 +55,17 @@ def chosen_of(diagnosis: Diagnosis) -> list[Explained]:
 
 
 def servo_named(diagnosis: Diagnosis) -> bool:
-    """Whether another servo is seen in the position channel, and explains most of what differs there."""
+    """Whether another servo is seen in the position channel, and explains most of what differs there.
+
+    A servo whose frequency stays unknown explains nothing: the drive is no such servo.
+    """
     position = diagnosis.position
-    return position is not None and position.p_value <= LEVEL and position.explained >= SERVO_EXPLAINS
+    return (
+        position is not None
+        and position.p_value <= LEVEL
+        and position.explained >= SERVO_EXPLAINS
+        and position.standard_errors[0] < SERVO_KNOWN
+    )
 
 
 def smallest_p(look: Look, more: Sequence[float] = ()) -> float:

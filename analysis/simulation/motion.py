@@ -25,6 +25,9 @@ SLOW_SMOOTHING_S = 0.005
 RATE_SMOOTHING_S = 0.04
 VELOCITY_WINDOW_S = 0.002
 KINK_MM_S = 0.3
+UNKNOWN_DRIVE = 30.0
+SMALLEST_NOISE_MM = 2e-4
+UNKNOWN_DRIVE_SMOOTHING_S = 0.006
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,6 +114,15 @@ def fit_servo(trials: list[Trial]) -> tuple[float, float]:
     return float(wn), float(zeta)
 
 
+def _servo_explains(recorded_mm: FloatArray, servo_mm: FloatArray) -> bool:
+    """Whether a servo's answer explains recorded position but for calibration, to some times its noise."""
+    x = servo_mm - servo_mm.mean()
+    gain = float(x @ recorded_mm) / max(float(x @ x), 1e-30)
+    left = recorded_mm - recorded_mm.mean() - gain * x
+    noise_mm = float(np.median(np.abs(np.diff(left)))) / 0.6745 / np.sqrt(2.0)
+    return float(np.std(left)) <= UNKNOWN_DRIVE * max(noise_mm, SMALLEST_NOISE_MM)
+
+
 def estimate_motion(
     trial: Trial,
     natural_frequency_rad_s: float = DEFAULT_NATURAL_FREQUENCY_RAD_S,
@@ -128,6 +140,12 @@ def estimate_motion(
         base, v, a = servo.position_mm, servo.velocity_mm_s, servo.acceleration_mm_s2
     else:
         base, v, a = np.zeros_like(recorded), np.zeros_like(recorded), np.zeros_like(recorded)
+    if trial.command_mm is not None and not _servo_explains(recorded, base):
+        # a drive that is no such servo: its answer would add accelerations that never were
+        base, v, a = np.zeros_like(recorded), np.zeros_like(recorded), np.zeros_like(recorded)
+        unknown = gaussian_filter1d(recorded, max(0.5, UNKNOWN_DRIVE_SMOOTHING_S * rate))
+    else:
+        unknown = None
     rest = recorded - base
     near = np.zeros(len(rest))
     half = max(1, round(NEAR_KINK_S * rate))
@@ -144,6 +162,8 @@ def estimate_motion(
         rest_v = (
             near * np.gradient(gaussian_filter1d(rest, max(0.5, 0.002 * rate))) * rate + (1.0 - near) * rest_v
         )
+    if unknown is not None:
+        smooth, rest_v = unknown, np.gradient(unknown) * rate
     rest_a = np.gradient(rest_v) * rate
     servo_residual, signature = np.zeros_like(rest), np.zeros((len(rest), 2))
     if trial.command_mm is not None:

@@ -38,7 +38,8 @@ LONGEST_HOLD_S = 60.0
 RAMP_SPEEDS_MM_S = (1.0, 5.0, 20.0)
 SWEEP_SPEEDS_MM_S = (1.0, 5.0, 20.0)
 SURFACES_MM = (2.0, 4.5, 7.0)
-BLOCK_DEPTHS_MM = (0.005, 0.01, 0.015)
+BLOCK_DEPTHS_MM = (0.004, 0.005, 0.006, 0.007, 0.008, 0.009, 0.01, 0.011, 0.012, 0.013)
+"""Ten: sign-flips over trials need so many to be sure, and 13 um into a block are some 260 mN."""
 BLOCK_SPEED_MM_S = 0.5
 MOST_DEPTHS = 4
 HINTS = {

@@ -30,8 +30,14 @@ _CLOSE = 0.05
 _STEPS = 10
 _NONE = 1e-3
 _SAME_SHAPE = {"third_relaxation", "poroelastic_drainage"}
-_BY_TRIAL = frozenset({"motion_artefact", "gain_step", "incomplete_recovery", "warming_tissue"})
-"""Effects that differ from trial to trial: their strength is taken over more trials."""
+_REPEATS = {
+    "motion_artefact": 2,
+    "gain_step": 2,
+    "incomplete_recovery": 2,
+    "warming_tissue": 2,
+    "lever_arc": 5,
+}
+"""Effects that differ from trial to trial, or with the height of the skin: their strength takes more trials."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,7 +158,7 @@ def _of_strength(
     def kept(size: float) -> float:
         return min(max(size, knob.low), knob.high)
 
-    paths = Paths(repeats=2 if name in _BY_TRIAL else 1)
+    paths = Paths(repeats=_REPEATS.get(name, 1))
     size = knob.start
     reached = strength(bench, (effect(size),), paths)
     if rung == 0:

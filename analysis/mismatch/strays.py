@@ -120,7 +120,8 @@ def _far_off(
         jump = jump[at_rest[1:-1]]
         if len(jump) < 100:
             continue
-        sigma = max(float(np.median(np.abs(jump))) / 0.6745, 1e-12)
+        # by a quantile, not the median: a converter's steps make half of the jumps smaller than they are
+        sigma = max(float(np.quantile(np.abs(jump), 0.954)) / 2.0, 1e-12)
         far = np.abs(jump) > FAR_OFF * sigma
         count += int(far.sum())
         total += len(jump)

@@ -49,7 +49,9 @@ def said(tmp_path: Path) -> Callable[..., dict[str, Any]]:
                 f"  differs in {w['phase']} {w['start_s']:.3f}-{w['stop_s']:.3f} s, {w['share_of_mismatch']:.0%}"
             )
         h = report["heldout"]
-        print(f"  rms {h['baseline_rms_mn']:.4g} -> {h['improved_rms_mn']:.4g} mN (none held out of few trials)")
+        print(
+            f"  rms {h['baseline_rms_mn']:.4g} -> {h['improved_rms_mn']:.4g} mN (none held out of few trials)"
+        )
         print(f"  {report['explained_share']:.1%} of the mismatch explained")
         return report
 

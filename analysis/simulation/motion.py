@@ -15,6 +15,7 @@ from scipy.optimize import least_squares
 
 from analysis.recordings.trial import Trial
 from analysis.simulation.servo import DEFAULT_DAMPING_RATIO, DEFAULT_NATURAL_FREQUENCY_RAD_S, follow
+from analysis.simulation.straight import straightened
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -136,7 +137,9 @@ def estimate_motion(
     rate, recorded = trial.sample_rate_hz, trial.position_mm
     kinks = find_kinks(trial)
     if trial.command_mm is not None:
-        servo = follow(trial.command_mm, rate, natural_frequency_rad_s, damping_ratio)
+        servo = follow(
+            straightened(trial.command_mm, kinks.tolist()), rate, natural_frequency_rad_s, damping_ratio
+        )
         base, v, a = servo.position_mm, servo.velocity_mm_s, servo.acceleration_mm_s2
     else:
         base, v, a = np.zeros_like(recorded), np.zeros_like(recorded), np.zeros_like(recorded)

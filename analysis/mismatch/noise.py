@@ -21,6 +21,11 @@ FloatArray = NDArray[np.float64]
 
 CORRELATION_TIMES_S = (4e-4, 1.6e-3, 6.4e-3, 0.0256, 0.1024, 0.41)
 SEGMENT_S = 1.6
+# A weak slow part is more likely a slow effect that has not been named yet; weighing it down would hide it. Leaving out
+# a part that is real costs some power and no validity, since significance trusts no noise model.
+SLOW_S = 0.05
+SLOW_MUST_EXCEED = 6.0
+QUICK_MUST_EXCEED = 0.3
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,6 +127,7 @@ def measure_noise(residuals: Sequence[FloatArray], sample_rate_hz: float) -> Noi
     parts = tuple(
         (float(v), t)
         for v, t in zip(share[1:], taus, strict=True)
-        if 4.0 * v * t > 0.3 * 2.0 * white / sample_rate_hz
+        if 4.0 * v * t
+        > (SLOW_MUST_EXCEED if t > SLOW_S else QUICK_MUST_EXCEED) * 2.0 * white / sample_rate_hz
     )
     return NoiseModel(float(np.sqrt(white)), parts)

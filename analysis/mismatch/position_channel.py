@@ -17,7 +17,7 @@ from analysis.simulation.cells import CellTrial
 FloatArray = NDArray[np.float64]
 
 SMALLEST_MM = 5e-4
-SERVO_EXPLAINS = 0.7
+POSITION_LEVEL = 0.008
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class PositionFinding:
     @property
     def unknown_bins(self) -> NDArray[np.int64]:
         """Bins whose residual is significant and larger than half a micrometre."""
-        return np.flatnonzero((np.abs(self.profile_mm) > SMALLEST_MM) & (self.bin_p < 0.008))
+        return np.flatnonzero((np.abs(self.profile_mm) > SMALLEST_MM) & (self.bin_p < POSITION_LEVEL))
 
 
 def look_at_position(trials: Sequence[CellTrial], rng: np.random.Generator) -> PositionFinding | None:

@@ -45,7 +45,7 @@ from analysis.simulation.mechanism import Mechanism, library
 
 FloatArray = NDArray[np.float64]
 
-LEVEL = 0.008
+LEVEL = 0.01
 STRICT_LEVEL = 5e-4
 REFITTED = 7
 WORTH_REFITTING = 0.08

@@ -14,7 +14,11 @@ from rig.hardware.stage import Stage
 
 @dataclass(frozen=True)
 class Bench:
-    """An open bench; `answers` asks a person for what a missing device would say, where there is one."""
+    """An open bench.
+
+    `answers` asks a person, where there is one, for what a missing device would say. `read_s` is the time
+    read and written at once while nothing happens.
+    """
 
     lever: Lever
     clock: Clock
@@ -23,3 +27,4 @@ class Bench:
     balance: Balance | None
     source: Source
     answers: ConsoleAnswers | None = None
+    read_s: float = 0.05

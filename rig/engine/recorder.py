@@ -11,9 +11,6 @@ from analysis.recordings.trial import Event, FloatArray, Phase, Surface
 from rig.hardware.errors import HardwareError, LimitHit
 from rig.hardware.lever import Chunk, Lever, Playback
 
-_LONGEST_READ_S = 0.05
-"""Read and written at a time: half of the 100 ms that may be missing after a kill."""
-
 _AFTER_LIMIT_S = 0.3
 """Still recorded after a limit was hit: the arm on its way out."""
 
@@ -22,15 +19,23 @@ class Recorder:
     """Takes every sample of a trial once, in order.
 
     `check` is called before each read and may raise to end the trial; `follow` is handed every chunk.
+    Where nothing has to be noticed at once, `read_s` are read and written at a time: what a kill may cost.
     """
 
     def __init__(
-        self, lever: Lever, writer: TrialWriter, check: Callable[[], None], follow: Callable[[Chunk], None]
+        self,
+        lever: Lever,
+        writer: TrialWriter,
+        check: Callable[[], None],
+        follow: Callable[[Chunk], None],
+        *,
+        read_s: float = 0.05,
     ) -> None:
         self._lever = lever
         self._writer = writer
         self._check = check
         self._follow = follow
+        self._read_samples = max(1, int(read_s * lever.sample_rate_hz))
         self._position_mm = np.empty(0)
         self._force_mn = np.empty(0)
         self._phases: list[Phase] = []
@@ -61,9 +66,8 @@ class Recorder:
 
     def take_until(self, stop: int) -> None:
         """Record up to sample `stop`, exclusive."""
-        longest = max(1, int(_LONGEST_READ_S * self._lever.sample_rate_hz))
         while self.n < stop:
-            self.take(min(longest, stop - self.n))
+            self.take(min(self._read_samples, stop - self.n))
 
     def take_for(self, duration_s: float) -> None:
         """Record for a length of time."""

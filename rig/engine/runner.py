@@ -123,7 +123,8 @@ class Runner:
 
     def _record(self, trial: PlannedTrial, writer: TrialWriter) -> None:
         lever = self._bench.lever
-        recorder = Recorder(lever, writer, self._interrupts.check, self._follow)
+        check, read_s = self._interrupts.check, self._bench.read_s
+        recorder = Recorder(lever, writer, check, self._follow, read_s=read_s)
         lever.start_recording()
         motions = TrialMotions(lever, recorder, enter=self._enter, say=self._say)
         for motion in trial.motions:

@@ -17,6 +17,9 @@ from rig.hardware.remote import ControlService
 from rig.hardware.stage import Stage
 from rig.rig_file import RigFile, ServiceSettings
 
+_LONGEST_READ_S = 0.05
+"""Half of the 100 ms that may be missing after a kill."""
+
 
 @contextmanager
 def open_bench(rig: RigFile, calibration: Calibration) -> Iterator[Bench]:
@@ -56,4 +59,5 @@ def open_bench(rig: RigFile, calibration: Calibration) -> Iterator[Bench]:
             balance=balance,
             source="simulated" if rig.companion is not None else "nidaqmx",
             answers=ConsoleAnswers() if rig.operator is None else None,
+            read_s=min(_LONGEST_READ_S, 2 * rig.card.read_interval_s),
         )

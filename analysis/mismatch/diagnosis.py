@@ -13,7 +13,7 @@ from analysis.mismatch.intake import Intake
 from analysis.mismatch.joint import Addition, JointFit, Simulation
 from analysis.mismatch.noise import NoiseModel, Whitener, measure_noise
 from analysis.mismatch.position_channel import PositionFinding, look_at_position
-from analysis.mismatch.search import LEVEL, Candidate, Named, Problem, refit_with, search
+from analysis.mismatch.search import LEVEL, REPEATS, Candidate, Named, Problem, refit_with, search
 from analysis.mismatch.signatures import Probe, accumulate
 from analysis.mismatch.start import start_own, start_rigid, start_tissue
 from analysis.mismatch.strays import Stray, find_strays
@@ -92,6 +92,14 @@ def first_noise(trials: Sequence[CellTrial]) -> float:
     return max(float(np.median(spread)), 1e-6 * peak)
 
 
+def noise_of(problem: Problem, fit: JointFit) -> NoiseModel:
+    """Return the noise of a fit's residual; of one or two trials only its size, since nothing tells what repeats."""
+    if len(problem.trials) < REPEATS:
+        left = np.concatenate([problem.full_residual(fit, j) for j in range(len(problem.trials))])
+        return NoiseModel(float(np.sqrt(np.mean(left**2))))
+    return measure_noise(quiet_residuals(problem, fit), problem.trials[0].sample_rate_hz)
+
+
 def weighed(trials: Sequence[CellTrial], noise: NoiseModel) -> Problem:
     """Return the problem with its cells weighed by a noise model."""
     return Problem(tuple(trials), tuple(Whitener(t, noise) for t in trials), noise.white_mn)
@@ -105,14 +113,14 @@ def diagnose(intake: Intake, *, baseline: str = "ramp", seed: int = 0) -> Diagno
     simulation = Simulation(start_tissue(trials), rigid_stiffness=start_rigid(trials), ideal_step=step)
     problem = weighed(trials, NoiseModel(first_noise(trials)))
     fit = problem.fit(simulation, start_own(trials), rounds=25)
-    noise = measure_noise(quiet_residuals(problem, fit), trials[0].sample_rate_hz)
+    noise = noise_of(problem, fit)
     problem = weighed(trials, noise)
     fit = problem.fit(fit.simulation, fit.own)
     ramp = _finite_ramp(problem, fit, rng) if step else None
     named = search(problem, fit if ramp is None else ramp.fit, rng)
     if named.chosen:
         # large effects had been taken for noise: measure it again without them, and search again
-        noise = measure_noise(quiet_residuals(problem, named.fits[-1]), trials[0].sample_rate_hz)
+        noise = noise_of(problem, named.fits[-1])
         problem = weighed(trials, noise)
         fit = problem.fit(fit.simulation, fit.own)
         if ramp is not None:

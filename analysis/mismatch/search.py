@@ -46,6 +46,7 @@ from analysis.simulation.mechanism import Mechanism, library
 FloatArray = NDArray[np.float64]
 
 LEVEL = 0.01
+REPEATS = 3
 STRICT_LEVEL = 5e-4
 REFITTED = 7
 WORTH_REFITTING = 0.08
@@ -58,6 +59,7 @@ SAME_EVENT_S = 0.3
 MOST_TRIALS = 0.6
 SMALLEST_SHARE = 0.002
 EXTRA_SHARE = 0.02
+SINGLE_TRIAL_SHARE = 0.01
 WANDERING_HZ = 0.5
 QUICK_ABOVE_HZ = 4.0
 FEW_CONTRIBUTE = 7.0
@@ -471,6 +473,9 @@ def _worth_naming(problem: Problem, fit: JointFit, best: Candidate, explained: f
     """
     if best.total_gain < SMALLEST_SHARE * explained:
         return False
+    if len(problem.trials) < REPEATS:
+        # what repeats can't be asked of one or two trials
+        return best.total_gain > SINGLE_TRIAL_SHARE * explained
     if best.mechanism.form == "oscillation":
         # an oscillation is in every trial; what is in a few is something else's remainder
         return float(np.mean(best.gain > 0)) >= MOST_TRIALS and best.total_gain > EXTRA_SHARE * explained

@@ -121,7 +121,7 @@ def _servo_explains(recorded_mm: FloatArray, servo_mm: FloatArray) -> bool:
     gain = float(x @ recorded_mm) / max(float(x @ x), 1e-30)
     left = recorded_mm - recorded_mm.mean() - gain * x
     noise_mm = float(np.median(np.abs(np.diff(left)))) / 0.6745 / np.sqrt(2.0)
-    return float(np.std(left)) <= UNKNOWN_DRIVE * max(noise_mm, SMALLEST_NOISE_MM)
+    return bool(float(np.std(left)) <= UNKNOWN_DRIVE * max(noise_mm, SMALLEST_NOISE_MM))
 
 
 def estimate_motion(

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2 as chi2_distribution
 
-from analysis.mismatch.joint import Addition, Hum, JointFit, project_out
+from analysis.mismatch.joint import Addition, Hum, JointFit, linearise, project_out
 from analysis.mismatch.noise import Whitener
 from analysis.mismatch.surface_motion import in_contact, surface_force
 from analysis.simulation.cells import CellTrial
@@ -23,6 +23,8 @@ from analysis.simulation.mechanism import Mechanism, Tissue, library
 FloatArray = NDArray[np.float64]
 
 RESOLUTION_HZ = 0.11
+SHORTEST_REACH = 0.25
+SLOW_ORDER = 3
 HUM_HALF_WIDTH_HZ = 0.6
 
 
@@ -69,11 +71,13 @@ def surface_spectrum(
         rows = np.concatenate([np.cos(phase), np.sin(phase)])
         columns = whitener(surface_force(trial, tissue, own, rows).T)
         latent = fit.simulation.latent_columns(trial, own)
-        residual = trial.force_mn - fit.simulation.force_mn(trial, own) - latent @ fit.latents[j]
-        one = np.ones_like(residual)
-        shift = surface_force(trial, tissue, own, one[None])[0]
-        A = whitener(np.column_stack([one, shift]))
-        left, _ = project_out(A, np.column_stack([whitener(residual), columns]))
+        line = linearise(trial, whitener, fit.simulation, own, trials, latent, fit.latents[j])
+        # each trial may have a tissue and a slow course of its own: a gain that is off or a drift is no oscillation
+        t = trial.time_s
+        course = np.polynomial.legendre.legvander(2.0 * (t - t[0]) / (t[-1] - t[0]) - 1.0, SLOW_ORDER)[:, 1:]
+        slow = whitener(course)
+        A = np.column_stack([line.A, line.J, slow])
+        left, _ = project_out(A, np.column_stack([line.r, columns]))
         r, C = left[:, 0], left[:, 1:]
         m = len(frequency_hz)
         cc = np.einsum("nf,nf->f", C[:, :m], C[:, :m])
@@ -86,7 +90,11 @@ def surface_spectrum(
 
 
 def quick_spectrum(
-    trials: Sequence[CellTrial], residuals_mn: Sequence[FloatArray], fit: JointFit, frequency_hz: FloatArray
+    trials: Sequence[CellTrial],
+    whiteners: Sequence[Whitener],
+    residuals_mn: Sequence[FloatArray],
+    fit: JointFit,
+    frequency_hz: FloatArray,
 ) -> Spectrum:
     """Return the power of quick movements of the surface (above some 4 Hz), where the tissue is a mere spring.
 
@@ -94,14 +102,14 @@ def quick_spectrum(
     absorb at such frequencies is nothing.
     """
     power = np.ones((len(trials), len(frequency_hz)))
-    for j, (trial, residual) in enumerate(zip(trials, residuals_mn, strict=True)):
-        inside = in_contact(trial, fit.own[j]) & trial.fitted
+    for j, (trial, whitener, residual) in enumerate(zip(trials, whiteners, residuals_mn, strict=True)):
+        inside = in_contact(trial, fit.own[j])[trial.fitted]
         if trial.kind in ("air_sweep", "rigid_target") or inside.sum() < 50:
             continue
-        weight = trial.counts[inside]
-        r = residual[inside]
+        weight = np.sqrt(trial.counts[trial.fitted][inside])
+        r = whitener(residual)[inside]
         r = (r - np.average(r, weights=weight)) * weight
-        turning = np.exp(-2j * np.pi * frequency_hz[:, None] * trial.time_s[inside])
+        turning = np.exp(-2j * np.pi * frequency_hz[:, None] * trial.time_s[trial.fitted][inside])
         raw = np.abs(turning @ r) ** 2
         level = np.median(raw) / np.log(2.0)
         power[j] = raw / max(float(level), 1e-30)
@@ -124,8 +132,13 @@ def oscillation_scores(spectrum: Spectrum) -> FloatArray:
     for k in range(len(f)):
         away = f - f[k]
         apart = np.abs(spectrum.frequency_hz - spectrum.frequency_hz[k]) > RESOLUTION_HZ
-        below = (away < -0.10) & (away > -1.2) & apart
-        above = (away > 0.10) & (away < 1.2) & apart
+        # the same reach on both sides, or a falling spectrum would put every edge above its neighbours
+        reach = min(1.2, float(f[k] - f[0]), float(f[-1] - f[k]))
+        if reach < SHORTEST_REACH:
+            continue
+        apart = np.abs(spectrum.frequency_hz - spectrum.frequency_hz[k]) > RESOLUTION_HZ
+        below = (away < -0.10) & (away >= -reach) & apart
+        above = (away > 0.10) & (away <= reach) & apart
         if below.any() and above.any():
             scores[:, k] = root[:, k] - 0.5 * (root[:, below].mean(axis=1) + root[:, above].mean(axis=1))
     return scores
@@ -137,8 +150,8 @@ def scan_frequencies() -> FloatArray:
 
 
 def quick_frequencies() -> FloatArray:
-    """Return the frequencies of the quick scan: 3 to 28 Hz, as fine as a trial of ten seconds resolves."""
-    return np.arange(3.0, 28.0, 0.06)
+    """Return the frequencies of the quick scan: 2.4 to 28 Hz, as fine as a trial of ten seconds resolves."""
+    return np.arange(2.4, 28.0, 0.06)
 
 
 def stray_lines(

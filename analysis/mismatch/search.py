@@ -213,7 +213,9 @@ def look(problem: Problem, fit: JointFit, rng: np.random.Generator) -> Look:
     many = len(problem.trials) >= FEW_TRIALS
     skin = any(t.kind not in ("air_sweep", "rigid_target") for t in problem.trials)
     if many and skin:
-        quick = quick_spectrum(problem.trials, problem.residuals(fit), fit, quick_frequencies())
+        quick = quick_spectrum(
+            problem.trials, problem.whiteners, problem.residuals(fit), fit, quick_frequencies()
+        )
         slow = surface_spectrum(problem.trials, problem.whiteners, fit, scan_frequencies())
         spectra = [slow, quick, smoothed(quick, WANDERING_HZ)]
         for spectrum in spectra:

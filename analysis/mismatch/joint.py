@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.mismatch.noise import NoiseModel, Whitener
+from analysis.mismatch.noise import Whitener
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.forward import RIGID_STIFFNESS_MN_PER_MM, PerTrial, simulate_force
 from analysis.simulation.mechanism import Mechanism, Parameter, Tissue, Values
@@ -345,8 +345,3 @@ def _normal_equations(
         gradient += g
         betas.append((beta_r, beta_J))
     return hessian, gradient, betas
-
-
-def noise_models(noise: NoiseModel, trials: Sequence[CellTrial]) -> list[Whitener]:
-    """Return one whitener a trial."""
-    return [Whitener(t, noise) for t in trials]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -125,8 +125,3 @@ def _contact_force(
     for m, p in added:
         touching = m.contact_force_mn(trial, free, touching, p)
     return touching
-
-
-def values_of(mechanism: Mechanism, fitted: Mapping[str, float]) -> Values:
-    """Return a mechanism's parameters with the null for whatever is not given."""
-    return {**mechanism.null, **fitted}

@@ -95,7 +95,6 @@ class Mechanism:
     typical: ClassVar[Values] = {}
     one_sided: ClassVar[bool] = True
     needs_contact: ClassVar[bool] = True
-    in_air: ClassVar[bool] = False
     sensor_rank: ClassVar[int] = 0
     words: ClassVar[str] = ""
     source: ClassVar[str] = ""

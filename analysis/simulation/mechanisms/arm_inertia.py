@@ -21,7 +21,6 @@ class ArmInertia(Mechanism):
     probes = ({"mass_g": 0.01, "settle_ms": 0.02}, {"mass_g": 0.01, "settle_ms": 0.4})
     typical = {"mass_g": 0.5, "settle_ms": 0.02}
     needs_contact = False
-    in_air = True
     words = (
         "the arm's own mass shows as force whenever it is accelerated, at the start and end of every motion"
     )

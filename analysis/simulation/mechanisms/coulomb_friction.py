@@ -51,7 +51,6 @@ class CoulombFriction(Mechanism):
     )
     typical = {"force_mn": 1.0, "bristle_um": 0.1, "fade_ms": 1.0}
     needs_contact = False
-    in_air = True
     words = "dry friction in the bearing: a force that opposes motion and does not depend on its speed"
     source = "Coulomb's law; onset and release after Dahl (1968)"
     separated_by = "air_sweep"

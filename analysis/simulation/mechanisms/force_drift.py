@@ -18,7 +18,6 @@ class ForceDrift(Mechanism):
     typical = {"rate_mn_per_s": 0.1}
     one_sided = False
     needs_contact = False
-    in_air = True
     words = "the force reading drifts slowly, touching or not (warming electronics, creeping gauge)"
     source = "linear drift"
     separated_by = "air_sweep"

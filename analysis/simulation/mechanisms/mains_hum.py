@@ -18,7 +18,6 @@ class MainsHum(Mechanism):
     amplitude = "amplitude_mn"
     null = {"amplitude_mn": 0.0, "frequency_hz": 50.0}
     needs_contact = False
-    in_air = True
     words = "hum of the mains in the force channel"
     source = "50 or 60 Hz supply and its harmonics"
     separated_by = "air_sweep"

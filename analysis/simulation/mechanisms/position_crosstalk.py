@@ -18,7 +18,6 @@ class PositionCrosstalk(Mechanism):
     typical = {"gain_mn_per_mm": 1.0}
     one_sided = False
     needs_contact = False
-    in_air = True
     words = (
         "the force reading changes with the arm's position, touching or not "
         "(weight of the arm, spring of the motor)"

@@ -17,7 +17,6 @@ class ViscousFriction(Mechanism):
     probes = ({"coefficient_mn_s_per_mm": 0.02},)
     typical = {"coefficient_mn_s_per_mm": 0.3}
     needs_contact = False
-    in_air = True
     words = "viscous friction in the lever: a force that opposes motion and grows with its speed, in contact or not"
     source = "linear damping"
     separated_by = "air_sweep"

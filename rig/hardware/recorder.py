@@ -160,8 +160,8 @@ class Recorder:
     def _next_size(self) -> int | None:
         """How many samples to fetch now; 0 after an idle while, None at the end."""
         with self._changed:
-            if self._wanted <= self._filled and not self._stopping:
-                self._changed.wait(_POLL_S)
+            # what the program takes wakes the thread as well: only what it asks for ends the wait early
+            self._changed.wait_for(lambda: self._wanted > self._filled or self._stopping, _POLL_S)
             if self._stopping:
                 return None
             asked = self._wanted - self._filled

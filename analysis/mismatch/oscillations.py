@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2 as chi2_distribution
+from scipy.stats import f as f_distribution
 
 from analysis.mismatch.joint import Addition, Hum, JointFit, linearise, project_out
 from analysis.mismatch.noise import Whitener
@@ -160,7 +161,8 @@ def stray_lines(
     """Return lines that stand out over all trials anywhere in the spectrum: (frequency Hz, rms, p-value).
 
     Power is taken relative to the median of its neighbourhood and summed over trials, line by line and over
-    +-0.4 Hz for lines that wander.
+    +-0.4 Hz for lines that wander. The median of w powers is as unsure as a mean of 0.48 w (variance 1 / w against
+    the square of its ln 2), so that the ratio is one of variances, with so many to compare with.
     """
     shortest = min(len(r) for r in residuals)
     if shortest < 1024:
@@ -178,12 +180,13 @@ def stray_lines(
         relative += power / np.maximum(np.interp(np.arange(len(power)), centres, level), 1e-300)
         absolute += power
     n = len(residuals)
+    compared = 2.0 * np.log(2.0) ** 2 * width * n
     usable = (frequency > above_hz) & (frequency < 0.49 * sample_rate_hz)
     found = []
     for half in (0, max(1, round(0.4 / frequency[1]))):
         kernel = np.ones(2 * half + 1)
-        total = np.convolve(relative, kernel, mode="same")
-        p = np.where(usable, chi2_distribution.sf(2.0 * total / 1.05, 2 * n * len(kernel)), 1.0)
+        total, degrees = np.convolve(relative, kernel, mode="same"), n * len(kernel)
+        p = np.where(usable, f_distribution.sf(total / degrees, 2 * degrees, compared), 1.0)
         p = np.minimum(1.0, p * 2.0 * usable.sum() / len(kernel))
         k = int(np.argmin(p))
         around = slice(max(0, k - half), k + half + 1)

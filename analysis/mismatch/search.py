@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
+from scipy.special import digamma, polygamma
 from scipy.stats import t as student_t
 
 from analysis.mismatch.events import (
@@ -38,7 +40,7 @@ from analysis.mismatch.oscillations import (
 )
 from analysis.mismatch.profiles import OUTSIDE, bins_of, profile, repeatable_energy
 from analysis.mismatch.signatures import FEW_TRIALS, Probe, Signatures, accumulate
-from analysis.mismatch.signflip import flip_test
+from analysis.mismatch.signflip import Family, flip_test
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.forward import PerTrial
 from analysis.simulation.mechanism import Mechanism, library
@@ -46,6 +48,7 @@ from analysis.simulation.mechanism import Mechanism, library
 FloatArray = NDArray[np.float64]
 
 LEVEL = 0.01
+LAWS_SHARE, BINS_SHARE, SPECTRA_SHARE, EVENTS_SHARE = 0.6, 0.15, 0.2, 0.05
 REPEATS = 3
 STRICT_LEVEL = 5e-4
 REFITTED = 7
@@ -63,6 +66,8 @@ SINGLE_TRIAL_SHARE = 0.01
 WANDERING_HZ = 0.5
 QUICK_ABOVE_HZ = 4.0
 FEW_CONTRIBUTE = 7.0
+CONTRIBUTES = 0.03
+MOST_FREEDOM = 12.0
 
 
 @dataclass(frozen=True)
@@ -147,7 +152,6 @@ class Look:
     spectra: tuple[Spectrum, ...]
     spectrum_p: FloatArray
     scans: tuple[EventScan, ...]
-    critical: float
 
     @property
     def frequency_hz(self) -> FloatArray:
@@ -209,6 +213,7 @@ def look(problem: Problem, fit: JointFit, rng: np.random.Generator) -> Look:
     seen = signatures.norm > 1e-4 * np.maximum(signatures.raw_norm, 1e-12)
     blocks = [signatures.scores * seen, signatures.bin_scores]
     sided = [np.array([p.mechanism.one_sided for p in probes], dtype=bool), np.zeros(2 * OUTSIDE, dtype=bool)]
+    families = [Family(len(probes), LAWS_SHARE), Family(2 * OUTSIDE, BINS_SHARE)]
     spectra: list[Spectrum] = []
     many = len(problem.trials) >= FEW_TRIALS
     skin = any(t.kind not in ("air_sweep", "rigid_target") for t in problem.trials)
@@ -221,6 +226,7 @@ def look(problem: Problem, fit: JointFit, rng: np.random.Generator) -> Look:
         for spectrum in spectra:
             blocks.append(oscillation_scores(spectrum))
             sided.append(np.ones(len(spectrum.frequency_hz), dtype=bool))
+        families.append(Family(sum(len(s.frequency_hz) for s in spectra), SPECTRA_SHARE))
     scans: tuple[EventScan, ...] = ()
     if skin:
         absent = [m for m in event_mechanisms() if m.name not in present]
@@ -229,7 +235,8 @@ def look(problem: Problem, fit: JointFit, rng: np.random.Generator) -> Look:
     for scan in signed:
         blocks.append(scan.asymmetry()[:, None])
         sided.append(np.ones(1, dtype=bool))
-    test = flip_test(np.hstack(blocks), np.concatenate(sided), rng, LEVEL)
+    families.append(Family(len(signed), EVENTS_SHARE))
+    test = flip_test(np.hstack(blocks), np.concatenate(sided), rng, families)
     p_of: dict[str, float] = {}
     for probe, p in zip(probes, test.p_value, strict=False):
         p_of[probe.mechanism.name] = min(p_of.get(probe.mechanism.name, 1.0), float(p))
@@ -251,35 +258,54 @@ def look(problem: Problem, fit: JointFit, rng: np.random.Generator) -> Look:
         p_of[scan.mechanism.name] = strict(event_p_value(scan))
     for scan, p in zip(signed, test.p_value[len(test.p_value) - len(signed) :], strict=True):
         p_of[scan.mechanism.name] = min(p_of[scan.mechanism.name], float(p))
-    return Look(
-        signatures, p_of, best_probes(signatures), bin_p, tuple(spectra), all_spectrum_p, scans, test.critical
-    )
+    return Look(signatures, p_of, best_probes(signatures), bin_p, tuple(spectra), all_spectrum_p, scans)
 
 
 def few_trials_p_value(signatures: Signatures) -> FloatArray:
     """Return p-values (M,) of probes that live in so few trials that flipping trials can't make them significant.
 
-    The amplitude is estimated in each contributing trial; Student's t over these, Bonferroni over such probes. It
-    trusts the scores of different trials to be Gaussian about one amplitude, but no noise model within them.
-    Probes that most trials speak of have p-value 1 here.
+    The amplitude is estimated in each contributing trial; a moderated t over these, Bonferroni over such probes. It
+    trusts the scores of different trials to be Gaussian about one amplitude, but takes their spread from what it is
+    for all probes. Probes that most trials speak of have p-value 1 here.
     """
     norm2 = signatures.trial_norm2
     effective = norm2.sum(axis=0) ** 2 / np.maximum((norm2**2).sum(axis=0), 1e-300)
-    seen = signatures.norm > 1e-4 * np.maximum(signatures.raw_norm, 1e-12)
-    few = np.flatnonzero((effective < FEW_CONTRIBUTE) & (effective > 2.0) & seen)
+    seen = np.flatnonzero(
+        (signatures.norm > 1e-4 * np.maximum(signatures.raw_norm, 1e-12)) & (effective > 2.0)
+    )
+    used = norm2[:, seen] > CONTRIBUTES * norm2[:, seen].max(axis=0)
+    seen, used = seen[used.sum(axis=0) >= 3], used[:, used.sum(axis=0) >= 3]
     p_value = np.ones(norm2.shape[1])
-    for k in few:
-        weight = norm2[:, k]
-        used = weight > 0.03 * weight.max()
-        if used.sum() < 3:
-            continue
-        w, s = weight[used], signatures.trial_scores[used, k]
-        amplitude = s.sum() / w.sum()
-        spread = float(np.sum((s - amplitude * w) ** 2 / w)) / (used.sum() - 1)
-        t = amplitude * np.sqrt(w.sum() / max(spread, 0.3))
-        tail = float(student_t.sf(t if signatures.probes[k].mechanism.one_sided else abs(t), used.sum() - 1))
-        p_value[k] = min(1.0, 2.0 * tail * len(few))
+    few = effective[seen] < FEW_CONTRIBUTE
+    if not few.any():
+        return p_value
+    weight = np.where(used, norm2[:, seen], 0.0)
+    score = np.where(used, signatures.trial_scores[:, seen], 0.0)
+    amplitude = score.sum(axis=0) / weight.sum(axis=0)
+    squares = np.divide((score - amplitude * weight) ** 2, weight, out=np.zeros_like(weight), where=used)
+    freedom = used.sum(axis=0) - 1.0
+    spread, freedom = moderated(squares.sum(axis=0) / freedom, freedom)
+    t = amplitude * np.sqrt(weight.sum(axis=0) / spread)
+    one_sided = np.array([signatures.probes[k].mechanism.one_sided for k in seen])
+    tail = student_t.sf(np.where(one_sided, t, np.abs(t)), freedom)
+    p_value[seen[few]] = np.minimum(1.0, 2.0 * tail * few.sum())[few]
     return p_value
+
+
+def moderated(variance: FloatArray, freedom: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return variances (M,) drawn towards each other, and their degrees of freedom with what that adds.
+
+    The prior's variance s0^2 and degrees of freedom d0 are those that make the variances s^2 scatter as they do:
+    (d0 s0^2 + d s^2) / (d0 + d); Smyth, Stat. Appl. Genet. Mol. Biol. 3:3 (2004), eqs. 5 to 8. As the probes are
+    not independent, d0 is kept to ``MOST_FREEDOM``, and s0^2 to no less than the white noise's 1.
+    """
+    e = np.log(np.maximum(variance, 1e-3)) - digamma(freedom / 2) + np.log(freedom / 2)
+    excess = float(np.var(e, ddof=1) - np.mean(polygamma(1, freedom / 2))) if len(e) > 1 else 0.0
+    d0 = MOST_FREEDOM
+    if excess > float(polygamma(1, MOST_FREEDOM / 2)):
+        d0 = 2 * float(brentq(lambda half: float(polygamma(1, half)) - excess, 1e-3, MOST_FREEDOM / 2))
+    s0 = max(float(np.exp(np.mean(e) + digamma(d0 / 2) - np.log(d0 / 2))), 1.0)
+    return (d0 * s0 + freedom * variance) / (d0 + freedom), d0 + freedom
 
 
 def refit_with(problem: Problem, fit: JointFit, probe: Probe, amplitude: float, rounds: int = 10) -> JointFit:

@@ -180,7 +180,7 @@ def _bin_p_of(diagnosis: Diagnosis, fit: JointFit) -> np.ndarray:
     """Return the p-values (2, B) of a fit's bins, all of them tested together."""
     problem = diagnosis.problem
     scores = accumulate(problem.trials, problem.whiteners, fit, []).bin_scores
-    test = flip_test(scores, np.zeros(scores.shape[1], dtype=bool), np.random.default_rng(0), LEVEL)
+    test = flip_test(scores, np.zeros(scores.shape[1], dtype=bool), np.random.default_rng(0))
     return test.p_value.reshape(2, OUTSIDE)
 
 

@@ -54,7 +54,7 @@ def test_what_sign_flips_cost_by_themselves() -> None:
     seen = []
     for s in strengths:
         scores = s / np.sqrt(20) + random.standard_normal((20, 1))
-        test = flip_test(scores, np.ones(1, dtype=bool), random, LEVEL)
+        test = flip_test(scores, np.ones(1, dtype=bool), random)
         seen.append(bool(test.p_value[0] <= LEVEL))
     for power in (0.5, 0.9):
         reached = strength_at(power, strengths.tolist(), seen)

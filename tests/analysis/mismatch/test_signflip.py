@@ -3,7 +3,8 @@
 import numpy as np
 from scipy.stats import binom
 
-from analysis.mismatch.signflip import flip_test
+from analysis.mismatch.search import moderated
+from analysis.mismatch.signflip import Family, flip_test
 
 TRIALS, CANDIDATES, STUDIES = 20, 60, 300
 
@@ -18,7 +19,7 @@ def _false_alarms(noise: str, level: float) -> int:
             scores *= rng.standard_t(2.5, size=(TRIALS, 1))
         if noise == "uneven":
             scores *= np.geomspace(1, 30, TRIALS)[:, None]
-        test = flip_test(scores, np.arange(CANDIDATES) % 2 == 0, rng, level)
+        test = flip_test(scores, np.arange(CANDIDATES) % 2 == 0, rng)
         alarms += bool(test.p_value.min() <= level)
     return alarms
 
@@ -46,3 +47,31 @@ def test_one_sided_candidates_ignore_the_other_sign() -> None:
     test = flip_test(scores, np.array([True, False]), rng)
     assert test.p_value[0] > 0.9
     assert test.p_value[1] < 0.001
+
+
+def test_families_share_the_level_and_the_small_one_is_spared_the_many() -> None:
+    rng = np.random.default_rng(7)
+    families = (Family(4, 0.7), Family(400, 0.3))
+    sided = np.zeros(404, dtype=bool)
+    alarms, seen_apart, seen_together = 0, 0, 0
+    for _ in range(STUDIES):
+        scores = rng.normal(size=(TRIALS, 404))
+        alarms += bool(flip_test(scores, sided, rng, families).p_value.min() <= 0.05)
+        scores[:, 2] += 0.9
+        seen_apart += bool(flip_test(scores, sided, rng, families).p_value[2] <= 0.05)
+        seen_together += bool(flip_test(scores, sided, rng).p_value[2] <= 0.05)
+    assert alarms <= binom.ppf(1 - 1e-5, STUDIES, 0.05)
+    assert seen_apart > 1.3 * seen_together
+
+
+def test_variances_of_few_are_drawn_towards_those_of_all() -> None:
+    rng = np.random.default_rng(3)
+    freedom = np.full(200, 3.0)
+    alike = rng.chisquare(3.0, 200) / 3.0
+    drawn, more = moderated(alike, freedom)
+    assert np.std(drawn) < 0.4 * np.std(alike)
+    assert np.all(more > 10.0)
+    unlike = alike * np.exp(rng.normal(0.0, 2.0, 200))
+    kept, few = moderated(unlike, freedom)
+    assert np.all(few < 6.0)
+    assert kept[np.argmax(unlike)] > 0.5 * unlike.max()

@@ -11,8 +11,9 @@ import numpy as np
 
 from sim_hardware.effects import EFFECTS
 from sim_hardware.knobs import ABSORBED, LIBRARY, OUTSIDE
+from sim_hardware.plans import TrialPlan, study_plans
 from sim_hardware.settings import BenchSettings, ConstantsSettings, EffectSettings, NoiseSettings
-from sim_hardware.strength import Paths, strength
+from sim_hardware.strength import strength
 from sim_hardware.world.specimens import finger
 
 Kind = Literal["null", "single", "pair", "outside", "absorbed"]
@@ -30,14 +31,6 @@ _CLOSE = 0.05
 _STEPS = 10
 _NONE = 1e-3
 _SAME_SHAPE = {"third_relaxation", "poroelastic_drainage"}
-_REPEATS = {
-    "motion_artefact": 2,
-    "gain_step": 2,
-    "incomplete_recovery": 2,
-    "warming_tissue": 2,
-    "lever_arc": 5,
-}
-"""Effects that differ from trial to trial, or with the height of the skin: their strength takes more trials."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,19 +117,29 @@ def draw_pair(random: np.random.Generator) -> tuple[str, str]:
 
 
 def draw_case(
-    number: int, kind: Kind, names: Sequence[str], rung: float, noise: Noise = "white", *, seed: int
+    number: int,
+    kind: Kind,
+    names: Sequence[str],
+    rung: float,
+    noise: Noise = "white",
+    *,
+    seed: int,
+    plans: Sequence[TrialPlan] = (),
 ) -> Case:
     """Draw one case: its bench, the named effects, each by itself of strength ``rung`` (0: as it usually is).
 
-    The strength comes within 5 % of the rung where an effect's range allows it; what was reached is kept.
+    Strength is that over ``plans``, the study that will be recorded (empty: the published one), since some effects
+    live in few of its trials. It comes within 5 % of the rung where an effect's range allows it; what was reached
+    is kept.
     """
     random = np.random.default_rng([seed, 12])
+    study = tuple(plans) or tuple(study_plans())
     # as after a perfect calibration: what is left of the tissue's bias is the diagnosis's own
     known = ConstantsSettings(spread=0.0, zero_spread_v=0.0)
     bench = BenchSettings(seed=seed, time="virtual", noise=NOISES[noise], constants=known)
     hidden, effects = [], []
     for name in names:
-        effect, reached = _of_strength(bench, name, rung, random)
+        effect, reached = _of_strength(bench, name, rung, random, study)
         effects.append(effect)
         kind_of = EFFECTS[name]
         given = {k: float(str(v)) for k, v in effect.given.items()}
@@ -146,7 +149,7 @@ def draw_case(
 
 
 def _of_strength(
-    bench: BenchSettings, name: str, rung: float, random: np.random.Generator
+    bench: BenchSettings, name: str, rung: float, random: np.random.Generator, plans: tuple[TrialPlan, ...]
 ) -> tuple[EffectSettings, float]:
     """Return an effect whose strength is near the rung, and its strength: secants on logarithms."""
     knob = {**LIBRARY, **ABSORBED, **OUTSIDE}[name]
@@ -158,9 +161,8 @@ def _of_strength(
     def kept(size: float) -> float:
         return min(max(size, knob.low), knob.high)
 
-    paths = Paths(repeats=_REPEATS.get(name, 1))
     size = knob.start
-    reached = strength(bench, (effect(size),), paths)
+    reached = strength(bench, (effect(size),), plans)
     if rung == 0:
         return effect(size), reached
     slope = 1.0
@@ -175,7 +177,7 @@ def _of_strength(
             following = math.sqrt(below * above) if knob.low < below or above < knob.high else kept(following)
         if math.isclose(following, size, rel_tol=1e-6):
             break
-        now = strength(bench, (effect(following),), paths)
+        now = strength(bench, (effect(following),), plans)
         if min(now, reached) > _NONE:
             slope = min(max(math.log(now / reached) / math.log(following / size), 0.3), 6.0)
         size, reached = following, now

@@ -1,42 +1,31 @@
 """How strong a concealed effect is: the norm, over the noise, of what no baseline simulation could absorb.
 
-A bench with the effect and one without it play the same paths, both without noise. What differs in the force
+A bench with the effect and one without it play the same study, both without noise. What differs in the force
 given the recorded position, and in the position given the command, is made orthogonal to what a fit of the
 baseline is free to choose: k0, k1, tau1, k2, tau2 of all trials, contact point and offset of each.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+from scipy.optimize import brentq
 
 from sim_hardware.filters import LowPass
 from sim_hardware.parts import SAMPLE_RATE_HZ, FloatArray
+from sim_hardware.plans import TrialPlan
 from sim_hardware.settings import BenchSettings, ConverterSettings, EffectSettings, NoiseSettings
 from sim_hardware.world import World
 
 _PARK_MM = 1.0
-_SHORT_MM = 0.5
 _STEP = 1e-4
 _STEP_MM = 5e-5
 _FORCE_NOISE_MN = 0.3
 _POSITION_NOISE_MM = 2.5e-4
-
-
-@dataclass(frozen=True, slots=True)
-class Paths:
-    """The trials that strength is measured on, each ``repeats`` times; ``trials`` scales to a whole study."""
-
-    depths_mm: tuple[float, ...] = (0.6, 0.2, 0.8, 0.4)
-    repeats: int = 2
-    trials: int = 20
-    ramp_speed_mm_s: float = 5.0
-    hold_s: float = 7.0
-    dwell_s: float = 2.0
-    rest_s: float = 150.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,17 +41,17 @@ class Quiet:
     phases: tuple[tuple[str, int, int], ...]
 
 
-def strength(settings: BenchSettings, effects: Sequence[EffectSettings], paths: Paths | None = None) -> float:
-    """Return the strength of effects on a bench over a whole study, in units of the noise.
+def strength(settings: BenchSettings, effects: Sequence[EffectSettings], plans: Sequence[TrialPlan]) -> float:
+    """Return the strength of effects on a bench over a study, in units of the noise.
 
     The larger of two norms: of the force given the position over 0.3 mN a sample, and of the position given
     the command over 0.25 um a sample (or what the bench's settings say).
     """
-    paths = paths or Paths()
+    study = tuple(plans)
     # converters stay only where an effect is theirs: what they round off would pass for strength
     converting = any(e.name == "dropped_bit" for e in effects)
-    without = _recorded(quiet_bench(settings, (), converting), paths)
-    with_them = record_quietly(quiet_bench(settings, tuple(effects), converting), paths)
+    without = _recorded(quiet_bench(settings, (), converting), study)
+    with_them = record_quietly(quiet_bench(settings, tuple(effects), converting), study)
     force_mn = settings.noise.force_mn_rms or _FORCE_NOISE_MN
     position_mm = settings.noise.position_um_rms * 1e-3 or _POSITION_NOISE_MM
     gram = np.zeros((5, 5))
@@ -79,9 +68,8 @@ def strength(settings: BenchSettings, effects: Sequence[EffectSettings], paths: 
     scale = np.sqrt(np.diag(gram))
     solved = np.linalg.lstsq(gram / np.outer(scale, scale), projected / scale, rcond=1e-9)[0]
     force_power -= float(projected / scale @ solved)
-    share = paths.trials / len(without)
-    by_force = np.sqrt(max(force_power, 0.0) * share) / force_mn
-    by_position = np.sqrt(position_power * share) / position_mm
+    by_force = np.sqrt(max(force_power, 0.0)) / force_mn
+    by_position = np.sqrt(position_power) / position_mm
     return float(max(by_force, by_position))
 
 
@@ -131,35 +119,36 @@ def quiet_bench(
 
 
 @cache
-def _recorded(settings: BenchSettings, paths: Paths) -> tuple[Quiet, ...]:
-    return record_quietly(settings, paths)
+def _recorded(settings: BenchSettings, plans: tuple[TrialPlan, ...]) -> tuple[Quiet, ...]:
+    return record_quietly(settings, plans)
 
 
-def record_quietly(settings: BenchSettings, paths: Paths) -> tuple[Quiet, ...]:
-    """Play the paths on a fresh bench whose operator knows where the skin is; return what was recorded."""
+def record_quietly(settings: BenchSettings, plans: tuple[TrialPlan, ...]) -> tuple[Quiet, ...]:
+    """Play a study on a fresh bench whose operator knows where the skin is; return what was recorded."""
     world = World(settings)
     c = world.constants
     found = []
-    for i in range(paths.repeats * len(paths.depths_mm)):
-        depth_mm = paths.depths_mm[i % len(paths.depths_mm)]
+    for i, plan in enumerate(plans):
         if i:
-            world.rest(paths.rest_s)
-        world.request("place_finger", {"finger": "index", "site": f"s{i}", "repeat": 1})
+            world.rest(plan.rest_s)
+        world.request("place_finger", {"finger": plan.finger, "site": plan.site, "repeat": plan.repeat})
         surface_mm = world.specimen.surface_mm
         parts = world.specimen.parts
         (k1, tau1), (k2, tau2) = ((arm.stiffness_mn_per_mm, arm.time_s) for arm in parts.arms)
-        stiffness = parts.k0_mn_per_mm + k1 + k2
-        start_mm, touch_mm = surface_mm - _SHORT_MM, surface_mm + 10.0 / stiffness + 0.006
-        deep_mm = touch_mm + depth_mm
+        tissue = (parts.k0_mn_per_mm, k1, tau1, k2, tau2)
+        speed = plan.approach_speed_mm_s
+        crossing_mm = surface_mm + _indented_at_mm(plan.contact_threshold_mn, speed, tissue)
+        start_mm, touch_mm = surface_mm - plan.short_mm, crossing_mm + speed * float(np.mean(plan.latency_s))
+        deep_mm = crossing_mm + plan.depth_mm
         world.advance(c.command_zero_v + c.command_volts_per_mm * _line(_PARK_MM, start_mm, 20.0))
         world.begin_trial()
         pieces = {
-            "approach": np.concatenate([np.full(800, start_mm), _line(start_mm, touch_mm, 1.0)]),
-            "dwell": np.full(round(paths.dwell_s * SAMPLE_RATE_HZ), touch_mm),
-            "ramp": _line(touch_mm, deep_mm, paths.ramp_speed_mm_s),
-            "hold": np.full(round(paths.hold_s * SAMPLE_RATE_HZ), deep_mm),
-            "retract": _line(deep_mm, start_mm, 5.0),
-            "clear": np.full(3200, start_mm),
+            "approach": np.concatenate([np.full(800, start_mm), _line(start_mm, touch_mm, speed)]),
+            "dwell": np.full(round(plan.dwell_s * SAMPLE_RATE_HZ), touch_mm),
+            "ramp": _line(touch_mm, deep_mm, plan.ramp_speed_mm_s),
+            "hold": np.full(round(plan.hold_s * SAMPLE_RATE_HZ), deep_mm),
+            "retract": _line(deep_mm, start_mm, plan.retract_speed_mm_s),
+            "clear": np.full(round(plan.clear_s * SAMPLE_RATE_HZ), start_mm),
         }
         command_mm = np.concatenate(list(pieces.values()))
         stops = np.cumsum([len(piece) for piece in pieces.values()]).tolist()
@@ -171,12 +160,24 @@ def record_quietly(settings: BenchSettings, paths: Paths) -> tuple[Quiet, ...]:
                 (readings.force_v - c.force_zero_v) / c.volts_per_mn,
                 command_mm,
                 surface_mm,
-                (parts.k0_mn_per_mm, k1, tau1, k2, tau2),
-                depth_mm,
+                tissue,
+                plan.depth_mm,
                 tuple(zip(pieces, [0, *stops[:-1]], stops, strict=True)),
             )
         )
     return tuple(found)
+
+
+def _indented_at_mm(force_mn: float, speed_mm_s: float, tissue: tuple[float, ...]) -> float:
+    """Return how deep the solid of two arms is pressed, mm, when the force of a steady approach is reached."""
+    k0, k1, tau1, k2, tau2 = tissue
+
+    def missing_mn(depth_mm: float) -> float:
+        t = depth_mm / speed_mm_s
+        arms = sum(k * speed_mm_s * tau * -math.expm1(-t / tau) for k, tau in ((k1, tau1), (k2, tau2)))
+        return k0 * depth_mm + arms - force_mn
+
+    return float(brentq(missing_mn, 0.0, force_mn / k0))
 
 
 def _line(from_mm: float, to_mm: float, speed_mm_s: float) -> FloatArray:

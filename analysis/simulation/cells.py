@@ -20,6 +20,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 FINE_S = 0.012
+RELEASE_S = 0.003
 MEDIUM_S = 0.06
 MEDIUM_CELL_S = 0.001
 MOVING_CELL_S = 0.002
@@ -114,7 +115,7 @@ class CellTrial:
         return mask
 
 
-def _cell_starts(trial: Trial, motion: Motion, z0_mm: float) -> IntArray:
+def _cell_starts(trial: Trial, motion: Motion, z0_mm: float, offset_mn: float) -> IntArray:
     """Cut the samples into cells; return the first sample of each."""
     rate, n = trial.sample_rate_hz, trial.n_samples
     speed = np.abs(motion.velocity_mm_s)
@@ -129,10 +130,31 @@ def _cell_starts(trial: Trial, motion: Motion, z0_mm: float) -> IntArray:
         for k in motion.kinks:
             part = slice(max(0, k - reach // 2), k + reach)
             length[part] = np.minimum(length[part], cell)
+    release = find_release(trial, offset_mn)
+    if release is not None:
+        around = round(RELEASE_S * rate)
+        length[max(0, release - around) : release + around] = 1
     length = 2 ** np.floor(np.log2(length)).astype(np.int64)  # few distinct lengths: few stretches
     edges = [0, *(np.flatnonzero(np.diff(length)) + 1).tolist(), n]
     pieces = [np.arange(a, b, length[a], dtype=np.int64) for a, b in zip(edges[:-1], edges[1:], strict=True)]
     return np.concatenate(pieces)
+
+
+def find_release(trial: Trial, offset_mn: float) -> int | None:
+    """Return the sample at which the force of the retract has first come down to the offset; None if never.
+
+    A skin that clings and lets go does so within a fraction of a millisecond of it.
+    """
+    retract = trial.phase("retract")
+    if retract is None or trial.kind == "air_sweep":
+        return None
+    force_mn = trial.force_mn[retract.samples] - offset_mn
+    w = max(1, round(0.0005 * trial.sample_rate_hz))
+    if len(force_mn) < w:
+        return None
+    smooth = np.convolve(force_mn, np.full(w, 1.0 / w), mode="valid")
+    below = np.flatnonzero(smooth <= 0.0)
+    return retract.start + int(below[0]) + w // 2 if below.size else None
 
 
 def find_contact(trial: Trial, motion: Motion) -> tuple[float, float]:
@@ -195,7 +217,7 @@ def reduce_trial(
 ) -> CellTrial:
     """Reduce a trial to cells; ``hold_only`` marks nothing but the hold as to be fitted (step baseline)."""
     z0_mm, offset_mn = find_contact(trial, motion)
-    starts = _cell_starts(trial, motion, z0_mm)
+    starts = _cell_starts(trial, motion, z0_mm, offset_mn)
     counts = np.diff(np.append(starts, trial.n_samples)).astype(np.float64)
 
     def mean(signal: FloatArray) -> FloatArray:

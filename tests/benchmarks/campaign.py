@@ -84,7 +84,7 @@ def drawn(number: int, spec: Spec, seed: int, kept: Path) -> Case:
         settings = BenchSettings.model_validate_json(json.dumps(truth["settings"]))
         return Case(number, truth["kind"], truth["rung"], truth["noise"], settings, hidden)
     kind, names, rung, noise = spec
-    case = draw_case(number, kind, names, rung, noise, seed=seed)  # type: ignore[arg-type]
+    case = draw_case(number, kind, names, rung, noise, seed=seed, plans=plans(seed))  # type: ignore[arg-type]
     kept.parent.mkdir(parents=True, exist_ok=True)
     kept.write_text(json.dumps(case.truth()))
     return case

@@ -21,11 +21,12 @@ from analysis.mismatch.start import start_own, start_tissue
 from analysis.recordings.trial import Calibration, Phase, ProtocolSummary, Specimen, Trial
 from analysis.simulation.cells import CellTrial
 from sim_hardware.knobs import LIBRARY
+from sim_hardware.plans import TrialPlan, study_plans
 from sim_hardware.settings import BenchSettings, EffectSettings
-from sim_hardware.strength import Paths, Quiet, quiet_bench, record_quietly
+from sim_hardware.strength import Quiet, quiet_bench, record_quietly
 
 NOISE_MN = 0.3
-PATHS = Paths(repeats=5)
+STUDY = tuple(study_plans())
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ class Study:
     """Strength of the effect as it was recorded, by the analysis' own baseline."""
 
 
-def study_with(name: str, seed: int, paths: Paths = PATHS) -> Study:
+def study_with(name: str, seed: int, plans: tuple[TrialPlan, ...] = STUDY) -> Study:
     """Record a study with an effect of the library, as it usually is, and one without."""
     bench = BenchSettings(seed=seed)
     knob = LIBRARY[name]
@@ -50,9 +51,11 @@ def study_with(name: str, seed: int, paths: Paths = PATHS) -> Study:
     effect = EffectSettings.model_validate(
         {"name": name, **knob.values(0.05 * knob.start, drawn), "rough": 0.5}
     )
-    without = record_quietly(quiet_bench(bench, (), False), paths)
-    with_it = record_quietly(quiet_bench(bench, (effect,), False), paths)
-    trials = take_in_memory([_trial(q, i) for i, q in enumerate(without)]).trials
+    without = record_quietly(quiet_bench(bench, (), False), plans)
+    with_it = record_quietly(quiet_bench(bench, (effect,), False), plans)
+    trials = take_in_memory(
+        [_trial(q, i, p) for i, (q, p) in enumerate(zip(without, plans, strict=True))]
+    ).trials
     problem = weighed(trials, NoiseModel(NOISE_MN))
     fit = problem.fit(Simulation(start_tissue(trials)), start_own(trials), rounds=25)
     # the noise-free study is made the model's own, so that a strength of 0 holds nothing at all
@@ -98,7 +101,7 @@ def detects(study: Study, strength: float, random: np.random.Generator) -> bool:
     return not seen.quiet or hum_candidate(problem, fit) is not None
 
 
-def _trial(quiet: Quiet, number: int) -> Trial:
+def _trial(quiet: Quiet, number: int, plan: TrialPlan) -> Trial:
     day = "2024-05-06T09:00:00+00:00"
     return Trial(
         trial_id=f"quiet-{number}",
@@ -115,14 +118,14 @@ def _trial(quiet: Quiet, number: int) -> Trial:
         surface=None,
         protocol=ProtocolSummary(
             depth_mm=quiet.depth_mm,
-            ramp_speed_mm_s=PATHS.ramp_speed_mm_s,
-            hold_s=PATHS.hold_s,
-            dwell_s=PATHS.dwell_s,
-            approach_speed_mm_s=1.0,
-            retract_speed_mm_s=5.0,
-            contact_threshold_mn=10.0,
+            ramp_speed_mm_s=plan.ramp_speed_mm_s,
+            hold_s=plan.hold_s,
+            dwell_s=plan.dwell_s,
+            approach_speed_mm_s=plan.approach_speed_mm_s,
+            retract_speed_mm_s=plan.retract_speed_mm_s,
+            contact_threshold_mn=plan.contact_threshold_mn,
         ),
         specimen=Specimen(
-            finger="index", site=str(number), repeat=1, punch_diameter_mm=0.5, rest_s=PATHS.rest_s
+            finger="index", site=str(number), repeat=1, punch_diameter_mm=0.5, rest_s=plan.rest_s
         ),
     )

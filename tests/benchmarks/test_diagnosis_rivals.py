@@ -90,7 +90,8 @@ def test_side_by_side() -> None:
     said: list[dict[str, Said]] = []
     for i in range(n):
         kind, names, rung, noise = CASES[i % len(CASES)]
-        case = draw_case(i, kind, names, rung, noise, seed=500 + i)  # type: ignore[arg-type]
+        study = campaign.plans(500 + i)
+        case = draw_case(i, kind, names, rung, noise, seed=500 + i, plans=study)  # type: ignore[arg-type]
         intake = take_in_memory(campaign.trials_of(case))
         cases.append(case)
         said.append({"this tool": ours(intake), **theirs(intake)})

@@ -9,9 +9,10 @@ from types import ModuleType
 
 import pytest
 
-from sim_hardware.strength import Paths, strength
+from sim_hardware.plans import study_plans
+from sim_hardware.strength import strength
 
-SHORT = Paths(depths_mm=(0.4, 0.7), repeats=2, hold_s=2.0, dwell_s=0.5, trials=4)
+SHORT = tuple(study_plans(depths_mm=(0.4, 0.7), repeats=2, hold_s=2.0, dwell_s=0.5))
 
 
 @pytest.fixture(scope="module")
@@ -31,5 +32,5 @@ def detection() -> ModuleType:
 )
 def test_bench_and_analysis_agree_on_strength(detection: ModuleType, name: str) -> None:
     """To 10 %: the analysis averages over cells and smooths the motion, the bench projects every sample."""
-    study = detection.study_with(name, seed=6, paths=SHORT)
+    study = detection.study_with(name, seed=6, plans=SHORT)
     assert strength(study.bench, [study.effect], SHORT) == pytest.approx(study.strength, rel=0.1)

@@ -269,6 +269,8 @@ class CardInput:
         self._task = task
         self._where = where
         self._reader = AnalogMultiChannelReader(task.in_stream)
+        # `read` makes the array itself; to check it the reader would ask the card for its channels every time
+        self._reader.verify_array_shape = False
         self._scratch: FloatArray = np.empty((n_channels, 0))
 
     def start(self) -> None:

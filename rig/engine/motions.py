@@ -36,20 +36,23 @@ class _Free:
     noise_mn: float
 
 
-class _StopAtContact:
-    """Looks at samples as they come and halts the arm at contact, before they are written anywhere."""
+class _Contact:
+    """Tells contact in the samples of an approach, shown in the reader thread as soon as they come."""
 
-    def __init__(self, lever: Lever, detector: ContactDetector, free_mn: float) -> None:
-        self._lever = lever
+    def __init__(self, detector: ContactDetector, free_mn: float) -> None:
         self._detector = detector
         self._free_mn = free_mn
+        self._first: int | None = None
         self.decided: int | None = None
-        self.stopped_mm = lever.commanded_mm
+        """The sample that decided, counted from the start of the recording."""
 
-    def __call__(self, chunk: Chunk) -> None:
-        self.decided = self._detector.feed(chunk.force_mn - self._free_mn)
-        if self.decided is not None:
-            self.stopped_mm = self._lever.halt()
+    def __call__(self, chunk: Chunk) -> bool:
+        if self._first is None:
+            self._first = chunk.start
+        decided = self._detector.feed(chunk.force_mn - self._free_mn)
+        if decided is not None:
+            self.decided = self._first + decided
+        return decided is not None
 
 
 class TrialMotions:
@@ -105,17 +108,18 @@ class TrialMotions:
         start_mm = lever.commanded_mm
         waveform = ramp_mm(start_mm, lever.limits.travel_max_mm, step.speed_mm_s, lever.sample_rate_hz)
         detector = ContactDetector(threshold_mn, step.samples_above, step.samples_watched)
-        playback = lever.play(waveform)
-        stop_at_contact = _StopAtContact(lever, detector, self._free.force_mn)
-        while stop_at_contact.decided is None:
-            recorder.take(step.samples_per_read, stop_at_contact)
-            if stop_at_contact.decided is None and playback.done:
-                raise SurfaceNotFoundError(
-                    f"no contact of {threshold_mn:.3g} mN up to the travel limit of "
-                    f"{lever.limits.travel_max_mm:g} mm: raise the finger, or lower contact_threshold_mn"
-                )
-        decided, stopped_mm = stop_at_contact.decided, stop_at_contact.stopped_mm
-        self._contact(first, first + decided, threshold_mn)
+        contact = _Contact(detector, self._free.force_mn)
+        playback = lever.play_until(waveform, contact, step.samples_per_read)
+        recorder.take_while_playing(playback)
+        stopped_mm = lever.halt()
+        if contact.decided is None:
+            raise SurfaceNotFoundError(
+                f"no contact of {threshold_mn:.3g} mN up to the travel limit of "
+                f"{lever.limits.travel_max_mm:g} mm: raise the finger, or lower contact_threshold_mn"
+            )
+        # what the card took before it was stopped shows the way there: only what follows is at rest
+        recorder.take_until(max(recorder.n, lever.acquired))
+        self._contact(first, contact.decided, threshold_mn)
         stop = recorder.started(playback) + _played(waveform, start_mm, stopped_mm)
         self._still_since = stop
         assert self.surface is not None

@@ -51,14 +51,11 @@ class Recorder:
         """Forces of the trial so far, (n,), mN."""
         return self._force_mn[: self.n]
 
-    def take(self, n: int, at_once: Callable[[Chunk], None] = lambda _: None) -> Chunk:
-        """Read the next n samples, write them, hand them on; after a limit hit, what follows it as well.
-
-        `at_once` sees the samples before anything else is done with them.
-        """
+    def take(self, n: int) -> Chunk:
+        """Read the next n samples, write them, hand them on; after a limit hit, what follows it as well."""
         self._check()
         try:
-            return self._next(n, at_once)
+            return self._next(n)
         except LimitHit as hit:
             self.note(hit.sample, "limit", str(hit))
             self._keep_after_limit()
@@ -72,6 +69,11 @@ class Recorder:
     def take_for(self, duration_s: float) -> None:
         """Record for a length of time."""
         self.take_until(self.n + round(duration_s * self._lever.sample_rate_hz))
+
+    def take_while_playing(self, playback: Playback) -> None:
+        """Record until a waveform is at its end, or stopped."""
+        while not playback.done:
+            self.take(self._read_samples)
 
     def started(self, playback: Playback) -> int:
         """Return the sample at which a waveform began to move, reading on until it is known.
@@ -116,13 +118,12 @@ class Recorder:
     def _keep_after_limit(self) -> None:
         """Record the arm's way out; where even that fails, the limit hit is what is told."""
         try:
-            self._next(round(_AFTER_LIMIT_S * self._lever.sample_rate_hz), lambda _: None)
+            self._next(round(_AFTER_LIMIT_S * self._lever.sample_rate_hz))
         except HardwareError as error:
             self.note(self.n, "recording", f"nothing recorded after the limit was hit: {error}")
 
-    def _next(self, n: int, at_once: Callable[[Chunk], None]) -> Chunk:
+    def _next(self, n: int) -> Chunk:
         chunk = self._lever.read(n)
-        at_once(chunk)
         self._writer.append(chunk.position_v, chunk.force_v, chunk.command_v)
         self._keep(chunk)
         self._follow(chunk)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+from collections.abc import Callable
 from types import TracebackType
 from typing import Self
 
@@ -69,10 +70,13 @@ class Lever:
         self.calibration = calibration
         self.limits = rig.lever
         self._settings = rig.card
+        self._samples_per_read = max(round(rig.card.read_interval_s * rig.card.sample_rate_hz), 1)
         self._card = Card(card_address, rig.card.device)
         self._drive = Drive(self._card, rig.card, guard)
         self._watch = Watch(rig.lever, calibration, rig.card.range_v)
         self._recorder: Recorder | None = None
+        self._halt_when: Callable[[Chunk], bool] | None = None
+        self._halted: Playback | None = None
         self._limit_hit = False
         self._retreating = False
 
@@ -162,6 +166,23 @@ class Lever:
             self._refuse_after_limit()
             return self._drive.start(volts, acquired=recorder.acquired, taken=self._taken)
 
+    def play_until(
+        self, waveform_mm: FloatArray, seen: Callable[[Chunk], bool], samples_per_read: int
+    ) -> Playback:
+        """Play as `play` does, and stop the output as soon as ``seen`` returns True for the samples fetched.
+
+        The reader thread itself shows ``seen`` every block when it comes, ``samples_per_read`` samples or,
+        where the computer was late, more, so that nothing stands between a sample and the stop.
+        `Playback.stopped` says that it has happened, `halt` where.
+        """
+        recorder = self._recording()
+        self._halt_when, recorder.read_samples = seen, samples_per_read
+        try:
+            return self.play(waveform_mm)
+        except HardwareError:
+            self._watch_no_longer(recorder)
+            raise
+
     def record_once(self, waveform_mm: FloatArray, tail_s: float = 0.0) -> tuple[Chunk, Playback]:
         """Play a waveform and record it from its first sample, started by one trigger.
 
@@ -186,18 +207,21 @@ class Lever:
         """Stop the output now; return the commanded position in mm where it stopped, read back.
 
         With loop-back it is read there; without, it is where the card had got to when it was asked,
-        some samples before the stop.
+        some samples before the stop. Samples from after the stop have been `acquired` then.
         """
         recorder = self._recording()
-        stopped = self._drive.stop(count=not self.loopback_wired)
-        if stopped is not None and self.loopback_wired:
-            playback, _ = stopped
+        with self._drive.lock:
+            self._watch_no_longer(recorder)
+            self._stop_output()
+            playback, self._halted = self._halted, None
+        if playback is not None:
             # the sample under way at the stop and the next may still show the motion
             first = recorder.acquired() + 2
             recorder.wait_for(first + _AFTER_STOP, heed=False)
-            held_v = float(recorder.peek(first, first + _AFTER_STOP)[2].mean())
-            last = int(np.argmin(np.abs(playback.volts - held_v)))
-            self._drive.correct_stop(last + 1, float(playback.volts[last]))
+            if self.loopback_wired:
+                held_v = float(recorder.peek(first, first + _AFTER_STOP)[2].mean())
+                last = int(np.argmin(np.abs(playback.volts - held_v)))
+                self._drive.correct_stop(last + 1, float(playback.volts[last]))
         return self.commanded_mm
 
     def retreat(self) -> None:
@@ -284,15 +308,27 @@ class Lever:
 
     def _record(self, source: CardInput) -> None:
         self._watch = Watch(self.limits, self.calibration, self._settings.range_v)
+        self._halt_when = self._halted = None
         recorder = Recorder(
             source,
             rate_hz=self.sample_rate_hz,
             ring_samples=round(_RING_S * self.sample_rate_hz),
-            read_samples=max(round(self._settings.read_interval_s * self.sample_rate_hz), 1),
+            read_samples=self._samples_per_read,
             inspect=lambda start, block: self._inspect(recorder, start, block),
         )
         self._recorder = recorder
         recorder.start()
+
+    def _stop_output(self) -> None:
+        """Stop what plays; `halt` finds out where it was."""
+        with self._drive.lock:
+            stopped = self._drive.stop(count=not self.loopback_wired)
+            if stopped is not None:
+                self._halted = stopped[0]
+
+    def _watch_no_longer(self, recorder: Recorder) -> None:
+        """Nothing stops the output any more but its end, a limit or the program."""
+        self._halt_when, recorder.read_samples = None, self._samples_per_read
 
     def _inspect(self, recorder: Recorder, start: int, block: FloatArray) -> None:
         """Called by the reader thread with every block: on a limit, begin the retract, then say so."""
@@ -311,6 +347,10 @@ class Lever:
                     f"lift it by hand: {error}"
                 ) from error
             raise
+        halt_when = self._halt_when
+        if halt_when is not None and halt_when(Chunk(start, block[0], block[1], command_v, self.calibration)):
+            self._halt_when = None
+            self._stop_output()
 
     def _begin_way_to_safety(self, recorder: Recorder) -> Playback:
         with self._drive.lock:

@@ -24,6 +24,9 @@ _POLL_S = 0.02
 _AT_ONCE = 8000
 """Most samples fetched in one call from what is at hand."""
 
+_BEHIND = 2
+"""Reads that the card must be ahead of the thread, by the clock, before it is asked what is at hand."""
+
 
 class Recorder:
     """Fetches samples into a preallocated ring and hands them over without a gap.
@@ -31,7 +34,8 @@ class Recorder:
     It waits only for samples that the program has asked for, and otherwise fetches what is already at
     hand: so the limits are watched while the program is busy, nothing is lost while there is room in
     the ring and in the driver's buffer, and a card whose time passes only while it is read is never
-    driven ahead of the program.
+    driven ahead of the program. Where it has fallen behind the card, it fetches all that is at hand in
+    one read: small reads would each cost the same time, and on a busy computer never catch up.
 
     ``inspect(start, block)`` is called in the thread with every block (n_channels, n), V; what it raises
     (a RigError) is raised in the program's next `take`.
@@ -50,12 +54,14 @@ class Recorder:
         self._rate_hz = rate_hz
         self._size = ring_samples
         self._ring: FloatArray = np.zeros((source.n_channels, ring_samples))
-        self._read_samples = read_samples
+        self.read_samples = read_samples
+        """Samples fetched at a time while the thread keeps up with the card."""
         self._inspect = inspect
         self._changed = threading.Condition()
         self._filled = 0
         self._taken = 0
         self._wanted = 0
+        self._began_s = 0.0
         self._finding: RigError | None = None
         self._dead: RigError | None = None
         self._stopping = False
@@ -83,6 +89,7 @@ class Recorder:
     def start(self) -> None:
         """Start the card's sampling and the thread."""
         self._source.start()
+        self._began_s = time.monotonic()
         self._thread.start()
 
     def take(self, n: int, timeout_s: float | None = None) -> FloatArray:
@@ -166,9 +173,20 @@ class Recorder:
                 return None
             asked = self._wanted - self._filled
             room = self._size - (self._filled - self._taken)
-        if asked > 0:
-            return min(asked, self._read_samples, room)
-        return min(self._source.available(), room, _AT_ONCE)
+        if asked <= 0:
+            return min(self._at_hand(), room, _AT_ONCE)
+        n = min(asked, self.read_samples, room)
+        due = (time.monotonic() - self._began_s) * self._rate_hz - self._filled
+        return n if due < _BEHIND * self.read_samples else max(n, min(self._at_hand(), room, _AT_ONCE))
+
+    def _at_hand(self) -> int:
+        """Ask the card; its answer also sets the clock by which the thread knows that it is behind.
+
+        The clocks of card and computer drift apart, and a card's time may pass only while it is read.
+        """
+        n = self._source.available()
+        self._began_s = time.monotonic() - (self._filled + n) / self._rate_hz
+        return n
 
     def _fetch(self, n: int) -> None:
         block = self._source.read(n, n / self._rate_hz + _LATE_S)

@@ -18,7 +18,7 @@ from rig.hardware.errors import (
     NotWiredError,
     RetreatFailedError,
 )
-from rig.hardware.lever import Lever, Playback
+from rig.hardware.lever import Chunk, Lever, Playback
 from rig.hardware.retreat import straight_mm
 
 RunningBench = Any  # of this folder's conftest, which no test module can import
@@ -153,6 +153,33 @@ def test_halt_stops_the_arm_and_says_where(lever: Lever, bench: RunningBench) ->
     after = lever.play(way_mm(lever, 1.0, speed_mm_s=5.0))
     command_v = read_to_end(lever, after)[2]
     assert np.abs(np.diff(command_v)).max() < 5.0 / 8000 * 2.042 + 6 * ONE_STEP_V
+
+
+def test_an_arm_is_stopped_by_what_its_samples_show(lever: Lever, bench: RunningBench) -> None:
+    shown: list[Chunk] = []
+
+    def beyond_3_mm(chunk: Chunk) -> bool:
+        shown.append(chunk)
+        return bool(chunk.position_mm[-1] > 3.0)
+
+    playback = lever.play_until(way_mm(lever, 6.0, speed_mm_s=5.0), beyond_3_mm, 40)
+    while not playback.done:
+        lever.read(400)
+    assert playback.stopped
+    stopped_mm = lever.halt()
+    assert stopped_mm == lever.commanded_mm
+    # one read of 5 ms too late at most, though the program reads 50 ms at a time
+    assert 3.0 <= stopped_mm < 3.0 + 5.0 * 0.005 + 0.01
+    c = lever.calibration
+    assert stopped_mm == pytest.approx(
+        (bench.arm()["command_v"] - c.command_zero_v) / c.command_volts_per_mm, abs=0.001
+    )
+    assert max(chunk.n for chunk in shown) == 40
+    # nothing is looked at any more, and the way back is free
+    n_shown = len(shown)
+    read_to_end(lever, lever.play(way_mm(lever, 4.0)))
+    assert len(shown) == n_shown
+    assert lever.commanded_mm == pytest.approx(4.0)
 
 
 def test_halt_of_an_arm_at_rest_changes_nothing(lever: Lever) -> None:

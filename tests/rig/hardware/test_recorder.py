@@ -74,6 +74,14 @@ class RealSource(VirtualSource):
         return super().read(n, timeout_s)
 
 
+class SlowSource(RealSource):
+    """A card that takes 10 ms to answer each read, as on a busy computer, however many samples it is for."""
+
+    def read(self, n: int, timeout_s: float) -> np.ndarray:
+        time.sleep(0.01)
+        return super().read(n, timeout_s)
+
+
 class BrokenSource(VirtualSource):
     """A card that fails after some samples."""
 
@@ -129,6 +137,15 @@ def test_nothing_is_lost_while_the_program_is_busy() -> None:
         time.sleep(0.45)
         assert recorder.filled > 2400
         assert np.array_equal(recorder.take(3600)[0], np.arange(80, 3680))
+
+
+def test_a_thread_that_falls_behind_fetches_all_that_is_at_hand() -> None:
+    # reads of 3 ms that take 10 ms each would be 1 s behind after 1.5 s
+    source = SlowSource(buffer_samples=80_000)
+    with recording(source, read_samples=24) as recorder:
+        while recorder.taken < 12_000:
+            recorder.take(24)
+        assert source.acquired() - recorder.taken < 2000
 
 
 def test_every_sample_is_inspected_while_the_program_is_busy() -> None:

@@ -14,7 +14,7 @@ from typing import IO, Any, Self
 import tomlkit
 
 from rig.hardware.errors import CompanionError
-from rig.hardware.processes import own_session
+from rig.hardware.processes import own_group
 from rig.rig_file import CompanionSettings
 
 PREFIX = "companion:"
@@ -41,7 +41,7 @@ class Companion:
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=self._errors,
-                **own_session(),
+                **own_group(),
             )
         except OSError as error:
             self._errors.close()

@@ -29,8 +29,10 @@ def simulate() -> Callable[..., Any]:
 
 @contextmanager
 def _busy() -> Iterator[None]:
+    # sessions of their own: other work is another terminal's, and Linux shares the processors out by session
     spinners = [
-        subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(os.cpu_count() or 1)
+        subprocess.Popen([sys.executable, "-c", "while True: pass"], start_new_session=True)
+        for _ in range(os.cpu_count() or 1)
     ]
     try:
         yield

@@ -23,6 +23,24 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 @pytest.fixture(scope="session")
+def real_time_rig() -> str:
+    """A rig file: the simulated bench in real time, loop-back wired, its clock and hands on the far side too."""
+    return """
+[card]
+address = "companion:card"
+loopback_channel = "ai2"
+[operator]
+address = "companion:control"
+[clock]
+address = "companion:control"
+[companion]
+command = ["{python}", "-m", "sim_hardware"]
+[companion.settings]
+time = "real"
+"""
+
+
+@pytest.fixture(scope="session")
 def _bench_trials() -> ModuleType:
     # by its file: with this folder on the path its rooms would hide the packages they are named after
     spec = importlib.util.spec_from_file_location("bench_trials", Path(__file__).parent / "bench_trials.py")

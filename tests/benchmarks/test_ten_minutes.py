@@ -21,27 +21,14 @@ from rig.engine.session import open_bench
 from rig.protocols.waveforms import ramp_mm
 
 MINUTES = float(os.environ.get("MINUTES", "10"))
-RIG = """
-[card]
-address = "companion:card"
-loopback_channel = "ai2"
-[operator]
-address = "companion:control"
-[clock]
-address = "companion:control"
-[companion]
-command = ["{python}", "-m", "sim_hardware"]
-[companion.settings]
-time = "real"
-"""
 
 
 @pytest.mark.slow
 @pytest.mark.benchmark
 def test_ten_minutes_without_a_gap(
-    tmp_path: Path, busy_processors: Callable[[], AbstractContextManager[None]]
+    tmp_path: Path, real_time_rig: str, busy_processors: Callable[[], AbstractContextManager[None]]
 ) -> None:
-    rig = parse_rig(RIG, "rig.toml")
+    rig = parse_rig(real_time_rig, "rig.toml")
     with open_bench(rig, rig.calibration.nominal()) as bench, busy_processors():
         lever = bench.lever
         rate = lever.sample_rate_hz

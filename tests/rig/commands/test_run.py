@@ -31,27 +31,16 @@ depth_mm = 0.3
 dwell_s = 0.3
 hold_s = 60.0
 """
-RIG = """
-[card]
-address = "companion:card"
-loopback_channel = "ai2"
-[operator]
-address = "companion:control"
-[clock]
-address = "companion:control"
-[companion]
-command = ["{python}", "-m", "sim_hardware"]
-[companion.settings]
-time = "real"
-"""
 
 
 @pytest.fixture
-def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[subprocess.Popen[str]]:
+def run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, real_time_rig: str
+) -> Iterator[subprocess.Popen[str]]:
     """A run that holds for a minute, in a process of its own."""
     monkeypatch.setenv("INDENTER_RUNTIME_DIR", str(tmp_path / "runs"))
     (tmp_path / "one.toml").write_text(PROTOCOL)
-    (tmp_path / "rig.toml").write_text(RIG)
+    (tmp_path / "rig.toml").write_text(real_time_rig)
     process = subprocess.Popen(
         [sys.executable, "-m", "rig.cli", "run", "one.toml", "--rig", "rig.toml", "--out", "out"],
         cwd=tmp_path,

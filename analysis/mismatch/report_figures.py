@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.figures import COLOURS, save_figures
 from analysis.mismatch.diagnosis import Diagnosis
 from analysis.mismatch.joint import JointFit
 from analysis.mismatch.report import Report, Window
@@ -20,18 +20,6 @@ from analysis.simulation.cells import CellTrial
 
 FloatArray = NDArray[np.float64]
 
-_STYLE: Any = {
-    "pdf.fonttype": 42,
-    "font.size": 9,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.axisbelow": True,
-    "axes.linewidth": 0.7,
-    "legend.frameon": False,
-    "legend.fontsize": 8,
-    "savefig.dpi": 150,
-}
-# Okabe and Ito's palette, told apart by everyone
 RECORDED, BASELINE, IMPROVED, WINDOW = "#666666", "#D55E00", "#0072B2", "#F0E442"
 _GRID = 160
 _WIDEST_S = 0.4
@@ -46,26 +34,7 @@ def draw_figures(out: Path, diagnosis: Diagnosis, report: Report) -> dict[str, P
     }
     if any(w.signal == "position" for w in report.mismatch):
         drawers["position"] = ((7.4, 2.8), lambda figure: _position(figure, diagnosis, report))
-    drawn = {}
-    for name, (size, draw) in drawers.items():
-        with _figure(size) as figure:
-            draw(figure)
-            for suffix in (".png", ".pdf"):
-                figure.savefig(out / f"{name}{suffix}")
-        drawn[name] = out / f"{name}.png"
-    return drawn
-
-
-@contextmanager
-def _figure(size_inches: tuple[float, float]) -> Iterator[Any]:
-    from matplotlib import rc_context
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    with rc_context(_STYLE):
-        figure = Figure(figsize=size_inches, layout="constrained")
-        FigureCanvasAgg(figure)
-        yield figure
+    return save_figures(out, drawers)
 
 
 def _representative(problem: Problem, fit: JointFit, window: Window | None) -> int:
@@ -170,7 +139,6 @@ def _residual(figure: Any, diagnosis: Diagnosis, report: Report) -> None:
         fits.append(("with what was left out", diagnosis.improved))
     panels = figure.subplots(len(fits), len(phases), sharey=True, sharex="col", squeeze=False)
     conditions = _few_conditions(problem.trials)
-    colours = ["#0072B2", "#56B4E9", "#009E73", "#E69F00", "#D55E00", "#CC79A7", "#000000"]
     for row, (name, fit) in enumerate(fits):
         residuals = problem.residuals(fit)
         for column, phase in enumerate(phases):
@@ -179,7 +147,7 @@ def _residual(figure: Any, diagnosis: Diagnosis, report: Report) -> None:
                 found = phase_curve(problem.trials, residuals, [o.z0_mm for o in fit.own], phase, members)
                 if found is not None:
                     axes.plot(
-                        *found, lw=0.9, color=colours[k % len(colours)], label=label if not column else None
+                        *found, lw=0.9, color=COLOURS[k % len(COLOURS)], label=label if not column else None
                     )
             axes.axhline(0.0, color="black", lw=0.5)
             if phase in ("hold", "dwell", "clear"):

@@ -3,31 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from analysis.figures import COLOURS, save_figures
 from analysis.recordings.trial import FINGERS
 from analysis.relaxation.prediction import Curve
 from analysis.relaxation.published import RESULTS, STIFFNESS_MN_PER_UM
 from analysis.relaxation.result import TrialFit
 from analysis.relaxation.study import Study
 
-_STYLE: Any = {
-    "pdf.fonttype": 42,
-    "ps.fonttype": 42,
-    "font.size": 9,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.axisbelow": True,
-    "legend.frameon": False,
-    "legend.fontsize": 8,
-    "savefig.dpi": 160,
-}
-# Okabe and Ito's palette, told apart by everyone; one colour a finger
-_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 _GREY = "#999999"
 _LABELS = {
     "t1_s": "t1 (s)",
@@ -43,40 +30,20 @@ def draw_all(
 ) -> dict[str, Path]:
     """Draw every figure that the rows allow into ``out``; return name -> PNG (the PDF lies beside)."""
     used = [row for row in rows if row.fitted and not row.discarded]
-    drawers: dict[str, Callable[[Any], None]] = {}
+    drawers: dict[str, tuple[tuple[float, float], Callable[[Any], None]]] = {}
     if curves:
-        drawers["relaxation"] = lambda figure: _relaxation(figure, curves)
+        drawers["relaxation"] = (7.0, 4.6), lambda figure: _relaxation(figure, curves)
     if len(used) > 1:
-        drawers["stiffness"] = lambda figure: _stiffness(figure, used, study)
-        drawers["parameters"] = lambda figure: _parameters(figure, used)
-    sizes = {"relaxation": (7.0, 4.6), "stiffness": (4.6, 3.6), "parameters": (7.0, 5.2)}
-    drawn = {}
-    for name, draw in drawers.items():
-        with _figure(sizes[name]) as figure:
-            draw(figure)
-            for suffix in (".png", ".pdf"):
-                figure.savefig(out / f"{name}{suffix}")
-            drawn[name] = out / f"{name}.png"
-    return drawn
-
-
-@contextmanager
-def _figure(size_inches: tuple[float, float]) -> Iterator[Any]:
-    from matplotlib import rc_context
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    with rc_context(_STYLE):
-        figure = Figure(figsize=size_inches, layout="constrained")
-        FigureCanvasAgg(figure)
-        yield figure
+        drawers["stiffness"] = (4.6, 3.6), lambda figure: _stiffness(figure, used, study)
+        drawers["parameters"] = (7.0, 5.2), lambda figure: _parameters(figure, used)
+    return save_figures(out, drawers)
 
 
 def _relaxation(figure: Any, curves: Sequence[tuple[str, Curve]]) -> None:
     """Force in the hold and its fit, one trial a depth (as Fig. 4), with the residual below."""
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     for number, (label, curve) in enumerate(curves):
-        colour = _COLOURS[number % len(_COLOURS)]
+        colour = COLOURS[number % len(COLOURS)]
         time_s = curve.time_s - curve.hold_start_s
         shown = time_s >= -1.0
         stride = max(1, int(shown.sum()) // _MOST_POINTS)
@@ -165,4 +132,4 @@ def _by_finger(rows: Sequence[TrialFit]) -> Iterator[tuple[str, str, list[TrialF
         {row.finger for row in rows}, key=lambda f: (FINGERS.index(f) if f in FINGERS else len(FINGERS), f)
     )
     for number, finger in enumerate(fingers):
-        yield _COLOURS[number % len(_COLOURS)], finger, [row for row in rows if row.finger == finger]
+        yield COLOURS[number % len(COLOURS)], finger, [row for row in rows if row.finger == finger]

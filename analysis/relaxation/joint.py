@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from analysis.recordings.trial import FloatArray, Trial
 from analysis.relaxation.block_response import block_answer
 from analysis.relaxation.blocks import Blocks
-from analysis.relaxation.noise import NoiseSpectrum, noise_covariance
+from analysis.relaxation.noise import NoiseSpectrum, noise_covariance, widened
 from analysis.relaxation.ramp_fit import RampSolution, fit_ramp
 from analysis.relaxation.result import Estimate
 from analysis.relaxation.windows import CannotFitError, cut_window
@@ -157,13 +157,16 @@ def _result(
 ) -> JointFit:
     _, system = _system(shared, members, n_arms)
     inverse = np.linalg.inv(sum(part[0] for part in system))
-    within = np.zeros_like(inverse)
+    within, doubt = np.zeros_like(inverse), np.zeros(len(inverse))
     pulls = []
     for one, (_, right, _, back) in zip(members, system, strict=True):
         _, by_shared, by_own = _linearised(shared, one, n_arms)
         influence = inverse @ (by_shared - back.T @ by_own)
-        within += noise_covariance(influence, one.blocks.edges, one.noise)
+        covariance, its_doubt = noise_covariance(influence, one.blocks.edges, one.noise)
+        within += covariance
+        doubt += its_doubt
         pulls.append(inverse @ right)
+    within = widened(within, doubt)
     drawn = np.stack(pulls)
     among = drawn.T @ drawn * len(members) / (len(members) - 1)
     names = (

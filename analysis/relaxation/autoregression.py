@@ -59,8 +59,10 @@ class Autoregression:
 
 def measured_covariances(values: FloatArray, most: int) -> FloatArray:
     """Return the autocovariances (most + 1,) of values (n,), sums divided by n."""
+    from scipy.fft import next_fast_len
+
     n = len(values)
-    transformed = np.fft.rfft(values, 1 << (2 * n - 1).bit_length())
+    transformed = np.fft.rfft(values, next_fast_len(n + most, real=True))
     return np.asarray(np.fft.irfft(np.square(np.abs(transformed)))[: most + 1] / n, dtype=float)
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from analysis.recordings.trial import FloatArray
 from analysis.relaxation.blocks import Blocks
-from analysis.relaxation.response import decaying_sum, interval_factors
+from analysis.relaxation.response import interval_factors
 
 IntArray = NDArray[np.int64]
 
@@ -67,13 +67,11 @@ def block_rows(blocks: Blocks, contact_mm: float, times_s: Sequence[float]) -> F
     """Return the rows of `block_answer` (1 + n_arms, K) alone, without derivatives."""
     pieces = _depth_pieces(blocks, contact_mm)
     tau_s = np.array(times_s)[:, None]
-    _, rise, _, _ = interval_factors(pieces.lengths_s, tau_s)
-    driven = (rise * np.diff(pieces.depth_mm))[:, :-1]
+    decay, rise, _, _ = interval_factors(pieces.lengths_s, tau_s)
     steady = pieces.speed_mm_s * tau_s
     sums = np.empty((1 + len(times_s), len(pieces.counts)))
     sums[0] = pieces.counts * pieces.depth_mm[:-1] + pieces.speed_mm_s * pieces.ages_s
-    for arm, tau in enumerate(times_s):
-        sums[1 + arm] = decaying_sum(driven[arm], pieces.lengths_s[:-1], tau, 0.0)
+    sums[1:] = _decaying_sums((rise * np.diff(pieces.depth_mm))[None], decay)[0]
     one, many = -np.expm1(-pieces.spacing_s / tau_s), -np.expm1(-pieces.counts * pieces.spacing_s / tau_s)
     sums[1:] -= steady
     sums[1:] *= np.exp(-pieces.first_s / tau_s) * many / one
@@ -131,16 +129,11 @@ def _fill_arms(
 
     ``tau_s`` is (n_arms, 1).
     """
-    _, rise, decay_slope, rise_slope = interval_factors(pieces.lengths_s, tau_s)
-    increments, lengths_s = np.diff(pieces.depth_mm), pieces.lengths_s[:-1]
-    rise = rise * increments
-    rise_slope = rise_slope * increments
-    start, shift, start_slope = np.empty_like(rise), np.empty_like(rise), np.empty_like(rise)
-    left = -pieces.entries[1:]
-    for arm, tau in enumerate(tau_s[:, 0].tolist()):
-        start[arm], shift[arm] = decaying_sum(np.stack([rise[arm, :-1], left]), lengths_s, tau, 0.0)
-        driven = decay_slope[arm, :-1] * start[arm, :-1] + rise_slope[arm, :-1]
-        start_slope[arm] = decaying_sum(driven, lengths_s, tau, 0.0)
+    decay, rise, decay_slope, rise_slope = interval_factors(pieces.lengths_s, tau_s)
+    increments = np.diff(pieces.depth_mm)
+    left = np.broadcast_to(-np.append(pieces.entries[1:], 0.0), rise.shape)
+    start, shift = _decaying_sums(np.stack([rise * increments, left]), decay)
+    start_slope = _decaying_sums((decay_slope * start + rise_slope * increments)[None], decay)[0]
     decays, decays_slope = _sampled_decays(pieces, tau_s)
     steady = pieces.speed_mm_s * tau_s
     travel = pieces.speed_mm_s * pieces.counts
@@ -148,6 +141,26 @@ def _fill_arms(
     stretch[:] = start * decays + tau_s * travel
     by_contact[:] = shift * decays
     by_tau[:] = (start_slope - pieces.speed_mm_s) * decays + start * decays_slope + travel
+
+
+def _decaying_sums(driven: FloatArray, decay: FloatArray) -> FloatArray:
+    """Return y (R, A, S) of y[s + 1] = decay[s] y[s] + driven[s], y[0] = 0; the last driven has no effect.
+
+    ``driven`` (R, A, S), ``decay`` (A, S): all arms in one triangular system with one band.
+    """
+    from scipy.linalg.lapack import dtbtrs
+
+    n_rows, n_arms, n_pieces = driven.shape
+    band = np.ones((n_arms * n_pieces, 2))
+    below = band[:, 1].reshape(n_arms, n_pieces)
+    np.negative(decay, out=below)
+    below[:, -1] = 0.0
+    rows = np.zeros((n_rows, n_arms, n_pieces))
+    rows[:, :, 1:] = driven[:, :, :-1]
+    columns, fault = dtbtrs(band.T, rows.reshape(n_rows, -1).T, uplo="L", diag="U", overwrite_b=True)
+    if fault:
+        raise ValueError("the recursion of the arms can't be solved")
+    return np.asarray(columns.T, dtype=float).reshape(rows.shape)
 
 
 def _sampled_decays(pieces: _Pieces, tau_s: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -173,18 +186,22 @@ def sampled_force(
     counts = pieces.counts.astype(np.int64)
     starts = np.cumsum(counts) - counts
     order = np.arange(int(counts.sum())) - np.repeat(starts, counts)
-    age_s = np.repeat(pieces.first_s, counts) + order * np.repeat(pieces.spacing_s, counts)
-    steady_mn = np.zeros_like(pieces.speed_mm_s)
-    for stiffness, tau_s in zip(stiffness_mn_per_mm[1:], times_s, strict=True):
-        steady_mn += stiffness * pieces.speed_mm_s * tau_s
-    start_mn = stiffness_mn_per_mm[0] * pieces.depth_mm[:-1] + steady_mn
-    force_mn = np.repeat(start_mn, counts)
-    force_mn += np.repeat(stiffness_mn_per_mm[0] * pieces.speed_mm_s, counts) * age_s
-    for stiffness, tau_s in zip(stiffness_mn_per_mm[1:], times_s, strict=True):
-        _, rise, _, _ = interval_factors(pieces.lengths_s, float(tau_s))
-        driven = (rise * np.diff(pieces.depth_mm))[:-1]
-        stretch_mm = decaying_sum(driven, pieces.lengths_s[:-1], float(tau_s), 0.0)
-        late = np.exp(age_s * (-1.0 / tau_s))
-        late *= np.repeat(stiffness * (stretch_mm - pieces.speed_mm_s * tau_s), counts)
-        force_mn += late
-    return np.asarray(np.maximum(force_mn, 0.0), dtype=float)
+    tau_s = times_s[:, None]
+    decay, rise, _, _ = interval_factors(pieces.lengths_s, tau_s)
+    stretch_mm = _decaying_sums((rise * np.diff(pieces.depth_mm))[None], decay)[0]
+    stiffness, steady_mm = stiffness_mn_per_mm[1:, None], pieces.speed_mm_s * tau_s
+    late_mn = stiffness * (stretch_mm - steady_mm) * np.exp(-pieces.first_s / tau_s)
+    slope_mn_s = stiffness_mn_per_mm[0] * pieces.speed_mm_s
+    start_mn = stiffness_mn_per_mm[0] * pieces.depth_mm[:-1] + slope_mn_s * pieces.first_s
+    start_mn += np.sum(stiffness * steady_mm, axis=0)
+    force_mn = np.repeat(slope_mn_s * pieces.spacing_s, counts)
+    force_mn *= order
+    force_mn += np.repeat(start_mn, counts)
+    # samples of a block are evenly spaced, and alike in all blocks that have more than one
+    spacing_s = pieces.spacing_s[int(np.argmax(counts))]
+    ages_s = np.arange(int(counts.max())) * spacing_s
+    for by_piece, tau in zip(late_mn, times_s.tolist(), strict=True):
+        fading_mn = np.exp(ages_s * (-1.0 / tau))[order]
+        fading_mn *= np.repeat(by_piece, counts)
+        force_mn += fading_mn
+    return np.asarray(np.maximum(force_mn, 0.0, out=force_mn), dtype=float)

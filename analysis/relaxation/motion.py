@@ -61,7 +61,10 @@ def _bends(motion_mm: FloatArray, span: int, settling: int) -> IntArray:
     sigma_mm = sample_noise(motion_mm)
     limit_mm = max(_LEAST_BEND_MM, _BEND_SIGMAS * sigma_mm * 4.0 / float(np.sqrt(span)))
     quarter = span // 4
-    quarters = motion_mm[: n // quarter * quarter].reshape(-1, quarter).mean(axis=1)
+    quarters = np.add.reduceat(
+        motion_mm[: n // quarter * quarter], np.arange(0, n // quarter * quarter, quarter)
+    )
+    quarters /= quarter
     bend_mm = np.abs(quarters[:-3] - quarters[1:-2] - quarters[2:-1] + quarters[3:])
     starts = np.flatnonzero(bend_mm > limit_mm) * quarter
     if not starts.size:

@@ -28,6 +28,7 @@ _SLOW = 8  # cells in a slow cell
 _MOST_ORDER = 25
 _MOST_SLOW_ORDER = 6
 _RESTORING_ROUNDS = 3
+_FREQUENCIES = 512  # that say how unsure the fine autoregression is
 _LEAST_FREEDOM = 3.0  # below, Student's distribution has no finite spread
 
 
@@ -80,7 +81,8 @@ def measure_noise(residual: FloatArray, jacobian: FloatArray, edges: NDArray[np.
     means = _means(residual, cell)
     freedom = max(len(means) - n_parameters, 1) / len(means)
     covariances = measured_covariances(means, min(_MOST_ORDER, len(means) // 10))
-    fine = fit_autoregression(covariances / freedom, np.full(len(means), freedom))
+    seen = min(len(means), _FREQUENCIES)
+    fine = fit_autoregression(covariances / freedom, np.full(seen, freedom * len(means) / seen))
     slow = _means(means, _SLOW)
     if len(slow) <= 2 * n_parameters + 4:
         return NoiseSpectrum(cell, fine)
@@ -145,10 +147,11 @@ def _both_sides(frequency: FloatArray) -> FloatArray:
 
 def _cell_sums(by_block: FloatArray, edges: NDArray[np.int64], length: int) -> FloatArray:
     """Return sums over cells of ``length`` samples, (P, M), of what is constant over blocks, (P, K)."""
-    weighted = by_block * np.diff(edges)
-    reached = np.concatenate([np.zeros((len(by_block), 1)), np.cumsum(weighted, axis=1)], axis=1)
-    marks = np.arange(edges[0], edges[-1] + length, length)
-    return np.diff(np.stack([np.interp(marks, edges, row) for row in reached]), axis=1)
+    reached = np.zeros((len(by_block), len(edges)))
+    np.cumsum(by_block * np.diff(edges), axis=1, out=reached[:, 1:])
+    marks = np.minimum(np.arange(edges[0], edges[-1] + length, length), edges[-1])
+    at = np.minimum(np.searchsorted(edges, marks, side="right") - 1, by_block.shape[1] - 1)
+    return np.diff(reached[:, at] + by_block[:, at] * (marks - edges[at]), axis=1)
 
 
 def estimate_covariance(jacobian: FloatArray, edges: NDArray[np.int64], noise: NoiseSpectrum) -> FloatArray:
@@ -167,13 +170,16 @@ def noise_covariance(
 
     With it the variance (P,) that each element of its diagonal has as an estimate, the spectrum being one.
     """
+    from scipy.fft import next_fast_len
+
     cells = _cell_sums(influence, edges, noise.cell)
-    n = 1 << (2 * cells.shape[1] - 1).bit_length()
+    n = next_fast_len(2 * cells.shape[1], real=True)
     transformed = np.fft.rfft(cells, n, axis=1)
     frequency: FloatArray = np.fft.rfftfreq(n).astype(np.float64)
-    power = noise.power(frequency) * _both_sides(frequency) / n
-    covariance = np.real((transformed * power) @ transformed.conj().T)
-    by_frequency = np.square(np.abs(transformed)) * power
+    root = np.sqrt(noise.power(frequency) * _both_sides(frequency) / n)
+    real, imaginary = transformed.real * root, transformed.imag * root
+    covariance = real @ real.T + imaginary @ imaginary.T
+    by_frequency = np.square(real) + np.square(imaginary)
     doubt = np.zeros(len(cells))
     for part, weights in noise.doubts(frequency):
         doubt += np.square(by_frequency[:, part] @ weights).sum(axis=1)
@@ -204,4 +210,4 @@ def influences(jacobian: FloatArray, weights: FloatArray) -> FloatArray:
 
 def _means(values: FloatArray, length: int) -> FloatArray:
     rows = len(values) // length
-    return np.asarray(values[: rows * length].reshape(rows, length).mean(axis=1), dtype=float)
+    return np.add.reduceat(values[: rows * length], np.arange(0, rows * length, length)) / length

@@ -8,7 +8,7 @@ import numpy as np
 
 from analysis.recordings.trial import FloatArray
 
-GRID_TIMES = 12
+GRID_TIMES = 24
 
 
 def best_of_grid(

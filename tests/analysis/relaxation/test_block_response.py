@@ -63,8 +63,9 @@ def test_slope_by_tau(seed: int, contact_mm: float, tau_s: float):
 
 
 @settings(max_examples=60, deadline=None)
-@given(st.floats(0.011, 0.389), st.floats(5e-3, 5.0))
+@given(st.floats(0.011, 0.389).filter(lambda place: abs(place - 0.2) > 1e-6), st.floats(5e-3, 5.0))
 def test_slope_by_contact(contact_mm: float, tau_s: float):
+    # where the motion rests, at 0.2 mm, contact is made or not: no derivative there
     edges = np.array([0, 7, 30, 61, 100, 180, 260, 400, 401, 402, 600])
     blocks = blocks_of(edges, np.interp(edges, [0, 100, 260, 600], [0, 0.2, 0.2, 0.4]))
     h = 1e-7

@@ -118,9 +118,10 @@ def diagnose(intake: Intake, *, baseline: str = "ramp", seed: int = 0) -> Diagno
     fit = problem.fit(fit.simulation, fit.own)
     ramp = _finite_ramp(problem, fit, rng) if step else None
     named = search(problem, fit if ramp is None else ramp.fit, rng)
-    if named.chosen:
-        # large effects had been taken for noise: measure it again without them, and search again
-        noise = noise_of(problem, named.fits[-1])
+    measured = noise_of(problem, named.fits[-1]) if named.chosen else noise
+    if weighs_otherwise(noise, measured, trials[0].sample_rate_hz):
+        # large effects had been taken for noise: search again without them in it
+        noise = measured
         problem = weighed(trials, noise)
         fit = problem.fit(fit.simulation, fit.own)
         if ramp is not None:
@@ -148,6 +149,13 @@ def diagnose(intake: Intake, *, baseline: str = "ramp", seed: int = 0) -> Diagno
         confirmed_condition=by_condition,
         strays=find_strays(problem, named.fits[-1]),
     )
+
+
+def weighs_otherwise(before: NoiseModel, after: NoiseModel, sample_rate_hz: float) -> bool:
+    """Tell whether a noise model weighs a trial's cells otherwise than another, by more than a part in ten."""
+    frequency_hz = np.geomspace(0.1, 0.4 * sample_rate_hz, 50)
+    ratio = before.power(frequency_hz, sample_rate_hz) / after.power(frequency_hz, sample_rate_hz)
+    return bool(np.max(np.abs(np.log(ratio))) > np.log(1.1))
 
 
 def _finite_ramp(problem: Problem, fit: JointFit, rng: np.random.Generator) -> Candidate | None:
@@ -193,13 +201,16 @@ def find_alternatives(problem: Problem, named: Named, k: int) -> tuple[str, ...]
     present = {a.mechanism.name for a in final.simulation.additions}
     found = [n for n in mechanism.inseparable if n not in present]
     if mechanism.form != "law":
-        step = next((c for c in named.considered if any(x.mechanism.name == mechanism.name for x in c)), ())
-        for rival in step:
+        at = next((i for i, c in enumerate(named.considered) if any(x is chosen for x in c)), 0)
+        later = {c.mechanism.name: c.total_gain for c in (*named.considered, ())[at + 1]}
+        for rival in named.considered[at]:
             behind = chosen.gain - rival.gain
             spread = float(np.std(behind) * np.sqrt(len(behind)))
             close = float(behind.sum()) < max(2.5 * spread, SAME_GAIN * chosen.total_gain)
-            new = rival.mechanism.name not in {mechanism.name, *present, *found}
-            if new and close and rival.total_gain > 0.5 * chosen.total_gain:
+            unnamed = rival.mechanism.name not in {mechanism.name, *present, *found}
+            # what explains as much once the chosen one is there explained something else
+            elsewhere = later.get(rival.mechanism.name, 0.0) > 0.5 * rival.total_gain
+            if unnamed and close and not elsewhere and rival.total_gain > 0.5 * chosen.total_gain:
                 found.append(rival.mechanism.name)
         return tuple(found)
     kept = tuple(a for a in final.simulation.additions if a.mechanism.name != mechanism.name)

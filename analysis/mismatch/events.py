@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import erfc
 
-from analysis.mismatch.joint import Addition, JointFit, linearise, project_out
+from analysis.mismatch.joint import Addition, JointFit, column_space, linearise, project_out
 from analysis.mismatch.noise import Whitener
 from analysis.mismatch.surface_motion import in_contact, surface_force
 from analysis.simulation.cells import CellTrial
@@ -93,11 +93,11 @@ def scan_events(
         latent = fit.simulation.latent_columns(trial, own)
         line = linearise(trial, whitener, fit.simulation, own, trials, latent, fit.latents[j])
         # an event in one trial bends the shared parameters for all: here each trial may have its own
-        left, _ = project_out(np.column_stack([line.A, line.J]), np.column_stack([line.r, whitener(columns)]))
-        r, C = left[:, 0], left[:, 1:]
-        norm = np.maximum(np.linalg.norm(C, axis=0), 1e-12)
+        basis = column_space(np.column_stack([line.A, line.J]))
+        C = whitener(columns)
+        norm2 = np.einsum("nf,nf->f", C, C) - np.sum((basis.T @ C) ** 2, axis=0)
         all_times.append(times)
-        all_scores.append((C.T @ r) / norm)
+        all_scores.append(C.T @ (line.r - basis @ (basis.T @ line.r)) / np.sqrt(np.maximum(norm2, 1e-24)))
     return EventScan(mechanism, tuple(all_times), tuple(all_scores))
 
 

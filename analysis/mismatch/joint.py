@@ -222,6 +222,13 @@ def project_out(A: FloatArray, M: FloatArray) -> tuple[FloatArray, FloatArray]:
     return M - q @ inner, beta / scale[:, None]
 
 
+def column_space(A: FloatArray) -> FloatArray:
+    """Return an orthonormal basis (n, p), p <= q, of what the columns of A (n, q) span."""
+    scale = np.linalg.norm(A, axis=0)
+    u, size, _ = np.linalg.svd(A[:, scale > 0] / scale[scale > 0], full_matrices=False)
+    return np.asarray(u[:, size > 1e-9])
+
+
 def fit_jointly(
     trials: Sequence[CellTrial],
     whiteners: Sequence[Whitener],

@@ -40,6 +40,11 @@ class NoiseModel:
         """Rms of a single sample, mN."""
         return float(np.sqrt(self.white_mn**2 + sum(v for v, _ in self.parts)))
 
+    def power(self, frequency_hz: FloatArray, sample_rate_hz: float) -> FloatArray:
+        """Return the one-sided power spectrum (F,) in mN^2/Hz."""
+        white = np.full_like(frequency_hz, 2.0 * self.white_mn**2 / sample_rate_hz)
+        return white + sum(4.0 * v * t / (1.0 + (2 * np.pi * frequency_hz * t) ** 2) for v, t in self.parts)
+
 
 class Whitener:
     """Turns columns over one trial's cells into columns whose noise is white with unit variance.
@@ -115,8 +120,8 @@ def measure_noise(residuals: Sequence[FloatArray], sample_rate_hz: float) -> Noi
     f = np.array([np.mean(frequency[b]) for b in bands])
     p = np.maximum(p, 1e-12 * p.max())
     taus = [t for t in CORRELATION_TIMES_S if t > 2.0 / sample_rate_hz]
-    shapes = [np.full_like(f, 2.0 / sample_rate_hz)]
-    shapes += [4.0 * t / (1.0 + (2 * np.pi * f * t) ** 2) for t in taus]
+    shapes = [NoiseModel(1.0).power(f, sample_rate_hz)]
+    shapes += [NoiseModel(0.0, ((1.0, t),)).power(f, sample_rate_hz) for t in taus]
     basis = np.column_stack(shapes)
     weight = 1.0 / p
     share = np.zeros(basis.shape[1])

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2 as chi2_distribution
 from scipy.stats import f as f_distribution
 
-from analysis.mismatch.joint import Addition, Hum, JointFit, linearise, project_out
+from analysis.mismatch.joint import Addition, Hum, JointFit, column_space, linearise
 from analysis.mismatch.noise import Whitener
 from analysis.mismatch.surface_motion import in_contact, surface_force
 from analysis.simulation.cells import CellTrial
@@ -77,14 +77,15 @@ def surface_spectrum(
         t = trial.time_s
         course = np.polynomial.legendre.legvander(2.0 * (t - t[0]) / (t[-1] - t[0]) - 1.0, SLOW_ORDER)[:, 1:]
         slow = whitener(course)
-        A = np.column_stack([line.A, line.J, slow])
-        left, _ = project_out(A, np.column_stack([line.r, columns]))
-        r, C = left[:, 0], left[:, 1:]
+        basis = column_space(np.column_stack([line.A, line.J, slow]))
+        r = line.r - basis @ (basis.T @ line.r)
         m = len(frequency_hz)
-        cc = np.einsum("nf,nf->f", C[:, :m], C[:, :m])
-        ss = np.einsum("nf,nf->f", C[:, m:], C[:, m:])
-        cs = np.einsum("nf,nf->f", C[:, :m], C[:, m:])
-        bc, bs = C[:, :m].T @ r, C[:, m:].T @ r
+        cosine, sine = columns[:, :m], columns[:, m:]
+        of_cosine, of_sine = basis.T @ cosine, basis.T @ sine
+        cc = np.einsum("nf,nf->f", cosine, cosine) - np.einsum("pf,pf->f", of_cosine, of_cosine)
+        ss = np.einsum("nf,nf->f", sine, sine) - np.einsum("pf,pf->f", of_sine, of_sine)
+        cs = np.einsum("nf,nf->f", cosine, sine) - np.einsum("pf,pf->f", of_cosine, of_sine)
+        bc, bs = cosine.T @ r, sine.T @ r
         determinant = np.maximum(cc * ss - cs**2, 1e-9 * (cc * ss) + 1e-30)
         power[j] = (ss * bc**2 - 2 * cs * bc * bs + cc * bs**2) / determinant / 2.0
     return Spectrum(frequency_hz, power)

@@ -236,7 +236,10 @@ def _remainder(places: _Places) -> Remainder | None:
     if not places.after:
         return None
     return Remainder(
-        share=float(sum(w.share_of_mismatch for w in places.after)),
+        # what repeats is a remainder wherever it lies; only some of it need stand out of a window by itself
+        share=max(
+            float(sum(w.share_of_mismatch for w in places.after)), places.left / max(places.total, 1e-12)
+        ),
         rms_mn=float(max(w.rms_mn or 0.0 for w in places.after)),
         where=places.after,
     )

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.mismatch.joint import JointFit, fit_jointly
-from analysis.mismatch.search import Problem
+from analysis.mismatch.problem import Problem
 from analysis.mismatch.signflip import FLIPS
 
 FloatArray = NDArray[np.float64]

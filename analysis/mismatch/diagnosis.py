@@ -8,12 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.mismatch.candidates import Candidate, refit_with
 from analysis.mismatch.confirm import HeldOut, held_out
 from analysis.mismatch.intake import Intake
 from analysis.mismatch.joint import Addition, JointFit, Simulation
+from analysis.mismatch.look import LEVEL
 from analysis.mismatch.noise import NoiseModel, Whitener, measure_noise
 from analysis.mismatch.position_channel import PositionFinding, look_at_position
-from analysis.mismatch.search import LEVEL, REPEATS, Candidate, Named, Problem, refit_with, search
+from analysis.mismatch.problem import Problem
+from analysis.mismatch.search import REPEATS, Named, search
 from analysis.mismatch.signatures import Probe, accumulate
 from analysis.mismatch.start import start_own, start_rigid, start_tissue
 from analysis.mismatch.strays import Stray, find_strays

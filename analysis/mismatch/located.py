@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.mismatch.joint import JointFit
+from analysis.mismatch.look import LEVEL
 from analysis.mismatch.position_channel import PositionFinding
+from analysis.mismatch.problem import Problem
 from analysis.mismatch.profiles import BIN_NAMES, OUTSIDE, Profiles, profile, repeatable_energy
 from analysis.mismatch.report import Window
-from analysis.mismatch.search import LEVEL, Problem
 from analysis.recordings.trial import PHASE_NAMES
 from analysis.simulation.cells import CellTrial
 

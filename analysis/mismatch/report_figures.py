@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from analysis.figures import COLOURS, save_figures
 from analysis.mismatch.diagnosis import Diagnosis
 from analysis.mismatch.joint import JointFit
+from analysis.mismatch.problem import Problem
 from analysis.mismatch.report import Report, Window
-from analysis.mismatch.search import Problem
 from analysis.recordings.trial import PHASE_NAMES
 from analysis.simulation.cells import CellTrial
 

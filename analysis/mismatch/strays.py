@@ -12,7 +12,7 @@ from scipy.stats import norm, poisson
 
 from analysis.mismatch.joint import JointFit
 from analysis.mismatch.oscillations import stray_lines
-from analysis.mismatch.search import Problem
+from analysis.mismatch.problem import Problem
 from analysis.recordings.trial import PHASE_NAMES
 from analysis.simulation.cells import MOVING_MM_S, CellTrial
 

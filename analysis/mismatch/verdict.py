@@ -8,10 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis.mismatch import located, quantities, wording
+from analysis.mismatch.candidates import Candidate
 from analysis.mismatch.confirm import HeldOut
 from analysis.mismatch.diagnosis import Diagnosis
 from analysis.mismatch.joint import JointFit
 from analysis.mismatch.located import Residual, residual_of
+from analysis.mismatch.look import LEVEL, Look
 from analysis.mismatch.profiles import OUTSIDE
 from analysis.mismatch.report import (
     Comparison,
@@ -24,7 +26,6 @@ from analysis.mismatch.report import (
     Verdict,
     Window,
 )
-from analysis.mismatch.search import LEVEL, Candidate, Look
 from analysis.mismatch.signatures import accumulate
 from analysis.mismatch.signflip import flip_test
 from analysis.mismatch.strays import Stray

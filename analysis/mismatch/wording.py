@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from analysis.mismatch.diagnosis import Absorbed
 from analysis.mismatch.joint import Addition
+from analysis.mismatch.problem import Problem
 from analysis.mismatch.report import NotIdentifiable, Quantity, Report, Window
-from analysis.mismatch.search import Problem
 from analysis.mismatch.signatures import FEW_TRIALS
 from analysis.simulation.mechanism import Mechanism, library
 

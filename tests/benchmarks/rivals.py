@@ -19,7 +19,7 @@ from analysis.mismatch.diagnosis import first_noise, weighed
 from analysis.mismatch.intake import Intake
 from analysis.mismatch.joint import Addition, JointFit, Simulation
 from analysis.mismatch.noise import NoiseModel
-from analysis.mismatch.search import Problem
+from analysis.mismatch.problem import Problem
 from analysis.mismatch.start import start_own, start_tissue
 from analysis.simulation.mechanism import Mechanism, library
 

@@ -11,7 +11,7 @@ import tomlkit
 from analysis.mismatch.intake import take_in_memory
 from analysis.mismatch.joint import Addition, Simulation, fit_jointly
 from analysis.mismatch.noise import NoiseModel, Whitener
-from analysis.mismatch.search import Problem
+from analysis.mismatch.problem import Problem
 from analysis.mismatch.start import start_own
 from analysis.mismatch.twin import noise_settings
 from analysis.recordings.trial import Trial

@@ -1,0 +1,162 @@
+"""One look at what a fit leaves: every law, window, frequency and event scored, and tested together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.mismatch.events import (
+    EventScan,
+    event_mechanisms,
+    event_p_value,
+    scan_events,
+)
+from analysis.mismatch.few_trials import few_trials_p_value
+from analysis.mismatch.joint import JointFit
+from analysis.mismatch.oscillations import (
+    Spectrum,
+    bands,
+    oscillation_scores,
+    quick_frequencies,
+    quick_spectrum,
+    scan_frequencies,
+    smoothed,
+    surface_spectrum,
+)
+from analysis.mismatch.problem import Problem
+from analysis.mismatch.profiles import OUTSIDE
+from analysis.mismatch.signatures import FEW_TRIALS, Probe, Signatures, accumulate
+from analysis.mismatch.signflip import Family, flip_test
+from analysis.simulation.cells import CellTrial
+from analysis.simulation.mechanism import library
+
+FloatArray = NDArray[np.float64]
+
+LEVEL = 0.01
+"""Chance of a false alarm that is accepted, over all that is looked at together."""
+
+LAWS_SHARE, BINS_SHARE, SPECTRA_SHARE, EVENTS_SHARE = 0.6, 0.15, 0.2, 0.05
+"""How the level is shared out: most of it to known physics, for most mismatches are of that kind."""
+
+STRICT_LEVEL = 5e-4
+"""The same chance for tests that trust noise to be near Gaussian, which it is not quite."""
+
+WANDERING_HZ = 0.5
+
+
+@dataclass(frozen=True)
+class Look:
+    """One look at a fit's residual: what is significant in it, before anything is named.
+
+    ``bin_p`` (2, B): p-values of the residual's bins, plain and with depth; ``p_of`` the p-value of each
+    mechanism; ``best`` its best probes.
+    """
+
+    signatures: Signatures
+    p_of: dict[str, float]
+    best: dict[str, list[tuple[float, Probe, float]]]
+    bin_p: FloatArray
+    spectra: tuple[Spectrum, ...]
+    spectrum_p: FloatArray
+    scans: tuple[EventScan, ...]
+
+    @property
+    def frequency_hz(self) -> FloatArray:
+        """Frequencies that ``spectrum_p`` speaks of."""
+        return np.concatenate([s.frequency_hz for s in self.spectra]) if self.spectra else np.zeros(0)
+
+    @property
+    def quiet(self) -> bool:
+        """Whether nothing at all is significant."""
+        return min([1.0, *self.p_of.values()]) > LEVEL and float(self.bin_p.min()) > LEVEL
+
+
+def look(problem: Problem, fit: JointFit, rng: np.random.Generator) -> Look:
+    """Score every law, window, frequency and event against a fit's residual, tested together."""
+    present = [a.mechanism.name for a in fit.simulation.additions]
+    probes = law_probes(problem.trials, present)
+    signatures = accumulate(problem.trials, problem.whiteners, fit, probes)
+    # a signature that the baseline absorbs but for rounding has no score worth the name
+    seen = signatures.norm > 1e-4 * np.maximum(signatures.raw_norm, 1e-12)
+    blocks = [signatures.scores * seen, signatures.bin_scores]
+    sided = [np.array([p.mechanism.one_sided for p in probes], dtype=bool), np.zeros(2 * OUTSIDE, dtype=bool)]
+    families = [Family(len(probes), LAWS_SHARE), Family(2 * OUTSIDE, BINS_SHARE)]
+    spectra: list[Spectrum] = []
+    many = len(problem.trials) >= FEW_TRIALS
+    skin = any(t.kind not in ("air_sweep", "rigid_target") for t in problem.trials)
+    if many and skin:
+        quick = quick_spectrum(
+            problem.trials, problem.whiteners, problem.residuals(fit), fit, quick_frequencies()
+        )
+        slow = surface_spectrum(problem.trials, problem.whiteners, fit, scan_frequencies())
+        spectra = [slow, quick, smoothed(quick, WANDERING_HZ)]
+        for spectrum in spectra:
+            blocks.append(oscillation_scores(spectrum))
+            sided.append(np.ones(len(spectrum.frequency_hz), dtype=bool))
+        families.append(Family(sum(len(s.frequency_hz) for s in spectra), SPECTRA_SHARE))
+    scans: tuple[EventScan, ...] = ()
+    if skin:
+        absent = [m for m in event_mechanisms() if m.name not in present]
+        scans = tuple(scan_events(m, problem.trials, problem.whiteners, fit) for m in absent)
+    signed = [s for s in scans if s.mechanism.one_sided and many]
+    for scan in signed:
+        blocks.append(scan.asymmetry()[:, None])
+        sided.append(np.ones(1, dtype=bool))
+    families.append(Family(len(signed), EVENTS_SHARE))
+    test = flip_test(np.hstack(blocks), np.concatenate(sided), rng, families)
+    p_of: dict[str, float] = {}
+    for probe, p in zip(probes, test.p_value, strict=False):
+        p_of[probe.mechanism.name] = min(p_of.get(probe.mechanism.name, 1.0), float(p))
+    if many:
+        for probe, p in zip(probes, few_trials_p_value(signatures), strict=True):
+            p_of[probe.mechanism.name] = min(p_of[probe.mechanism.name], strict(float(p)))
+    m = len(probes)
+    bin_p = test.p_value[m : m + 2 * OUTSIDE].reshape(2, OUTSIDE)
+    at = m + 2 * OUTSIDE
+    all_spectrum_p = test.p_value[at : len(test.p_value) - len(signed)]
+    for spectrum in spectra:
+        spectrum_p = test.p_value[at : at + len(spectrum.frequency_hz)]
+        at += len(spectrum.frequency_hz)
+        for band in bands():
+            inside = (spectrum.frequency_hz >= band.lower_hz) & (spectrum.frequency_hz <= band.upper_hz)
+            if band.mechanism not in present and inside.any():
+                p_of[band.mechanism] = min(p_of.get(band.mechanism, 1.0), float(spectrum_p[inside].min()))
+    for scan in scans:
+        p_of[scan.mechanism.name] = strict(event_p_value(scan))
+    for scan, p in zip(signed, test.p_value[len(test.p_value) - len(signed) :], strict=True):
+        p_of[scan.mechanism.name] = min(p_of[scan.mechanism.name], float(p))
+    return Look(signatures, p_of, best_probes(signatures), bin_p, tuple(spectra), all_spectrum_p, scans)
+
+
+def law_probes(trials: Sequence[CellTrial], present: Sequence[str]) -> list[Probe]:
+    """Return the probes of every law of the library that is not in the simulation yet."""
+    peak = max(float(t.force_mn.max() - t.offset_start_mn) for t in trials)
+    return [
+        Probe(m, values)
+        for m in library().values()
+        if m.form == "law" and m.name not in present and any(m.applies(t) for t in trials)
+        for values in m.probe_settings(peak)
+    ]
+
+
+def best_probes(signatures: Signatures, keep: int = 2) -> dict[str, list[tuple[float, Probe, float]]]:
+    """Return for each mechanism its best probes: (linear gain, probe, amplitude in units of the probe)."""
+    total = signatures.trial_scores.sum(axis=0)
+    power = np.diag(signatures.gram)
+    found: dict[str, list[tuple[float, Probe, float]]] = {}
+    for k, probe in enumerate(signatures.probes):
+        if power[k] <= (1e-4 * signatures.raw_norm[k]) ** 2:
+            continue
+        amplitude = float(total[k] / power[k])
+        if probe.mechanism.one_sided and amplitude <= 0:
+            continue
+        found.setdefault(probe.mechanism.name, []).append((float(total[k] ** 2 / power[k]), probe, amplitude))
+    return {name: sorted(items, key=lambda i: -i[0])[:keep] for name, items in found.items()}
+
+
+def strict(p_value: float) -> float:
+    """Return a p-value that trusts noise to be near Gaussian, raised so that only a strict one is significant."""
+    return min(1.0, p_value * LEVEL / STRICT_LEVEL)

@@ -19,6 +19,7 @@ from analysis.mismatch.joint import JointFit
 from analysis.mismatch.oscillations import (
     Spectrum,
     bands,
+    freed_residuals,
     oscillation_scores,
     quick_frequencies,
     quick_spectrum,
@@ -88,10 +89,9 @@ def look(problem: Problem, fit: JointFit, rng: np.random.Generator) -> Look:
     many = len(problem.trials) >= FEW_TRIALS
     skin = any(t.kind not in ("air_sweep", "rigid_target") for t in problem.trials)
     if many and skin:
-        quick = quick_spectrum(
-            problem.trials, problem.whiteners, problem.residuals(fit), fit, quick_frequencies()
-        )
-        slow = surface_spectrum(problem.trials, problem.whiteners, fit, scan_frequencies())
+        freed = freed_residuals(problem.trials, problem.whiteners, fit)
+        quick = quick_spectrum(problem.trials, freed, fit, quick_frequencies())
+        slow = surface_spectrum(problem.trials, problem.whiteners, freed, fit, scan_frequencies())
         spectra = [slow, quick, smoothed(quick, WANDERING_HZ)]
         for spectrum in spectra:
             blocks.append(oscillation_scores(spectrum))

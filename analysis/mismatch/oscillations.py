@@ -56,60 +56,80 @@ class Spectrum:
     power: FloatArray
 
 
+@dataclass(frozen=True)
+class Freed:
+    """A whitened residual ``r`` (n,) less all that a trial could explain if it were free, and ``basis`` (n, p) of that.
+
+    Free to have a contact point, an offset, a tissue and a slow course of its own: a gain that is off or a drift is
+    no oscillation, but has a spectrum with lobes at the same places in every trial.
+    """
+
+    r: FloatArray
+    basis: FloatArray
+
+
+def freed_residuals(
+    trials: Sequence[CellTrial], whiteners: Sequence[Whitener], fit: JointFit
+) -> list[Freed | None]:
+    """Return what each trial by itself leaves unexplained; None for trials without skin."""
+    found: list[Freed | None] = []
+    for j, (trial, whitener) in enumerate(zip(trials, whiteners, strict=True)):
+        if trial.kind in ("air_sweep", "rigid_target"):
+            found.append(None)
+            continue
+        latent = fit.simulation.latent_columns(trial, fit.own[j])
+        line = linearise(trial, whitener, fit.simulation, fit.own[j], trials, latent, fit.latents[j])
+        t = trial.time_s
+        course = np.polynomial.legendre.legvander(2.0 * (t - t[0]) / (t[-1] - t[0]) - 1.0, SLOW_ORDER)[:, 1:]
+        basis = column_space(np.column_stack([line.A, line.J, whitener(course)]))
+        found.append(Freed(line.r - basis @ (basis.T @ line.r), basis))
+    return found
+
+
 def surface_spectrum(
-    trials: Sequence[CellTrial], whiteners: Sequence[Whitener], fit: JointFit, frequency_hz: FloatArray
+    trials: Sequence[CellTrial],
+    whiteners: Sequence[Whitener],
+    freed: Sequence[Freed | None],
+    fit: JointFit,
+    frequency_hz: FloatArray,
 ) -> Spectrum:
     """Return how much of each trial's residual a movement of the surface at each frequency explains.
 
     A trial without contact has power 1 (no evidence).
     """
     power = np.ones((len(trials), len(frequency_hz)))
-    for j, (trial, whitener) in enumerate(zip(trials, whiteners, strict=True)):
-        if trial.kind in ("air_sweep", "rigid_target"):
+    for j, (trial, whitener, free) in enumerate(zip(trials, whiteners, freed, strict=True)):
+        if free is None:
             continue
-        own, tissue = fit.own[j], fit.simulation.tissue
         phase = 2 * np.pi * frequency_hz[:, None] * trial.time_s
         rows = np.concatenate([np.cos(phase), np.sin(phase)])
-        columns = whitener(surface_force(trial, tissue, own, rows).T)
-        latent = fit.simulation.latent_columns(trial, own)
-        line = linearise(trial, whitener, fit.simulation, own, trials, latent, fit.latents[j])
-        # each trial may have a tissue and a slow course of its own: a gain that is off or a drift is no oscillation
-        t = trial.time_s
-        course = np.polynomial.legendre.legvander(2.0 * (t - t[0]) / (t[-1] - t[0]) - 1.0, SLOW_ORDER)[:, 1:]
-        slow = whitener(course)
-        basis = column_space(np.column_stack([line.A, line.J, slow]))
-        r = line.r - basis @ (basis.T @ line.r)
+        columns = whitener(surface_force(trial, fit.simulation.tissue, fit.own[j], rows).T)
         m = len(frequency_hz)
         cosine, sine = columns[:, :m], columns[:, m:]
-        of_cosine, of_sine = basis.T @ cosine, basis.T @ sine
+        of_cosine, of_sine = free.basis.T @ cosine, free.basis.T @ sine
         cc = np.einsum("nf,nf->f", cosine, cosine) - np.einsum("pf,pf->f", of_cosine, of_cosine)
         ss = np.einsum("nf,nf->f", sine, sine) - np.einsum("pf,pf->f", of_sine, of_sine)
         cs = np.einsum("nf,nf->f", cosine, sine) - np.einsum("pf,pf->f", of_cosine, of_sine)
-        bc, bs = cosine.T @ r, sine.T @ r
+        bc, bs = cosine.T @ free.r, sine.T @ free.r
         determinant = np.maximum(cc * ss - cs**2, 1e-9 * (cc * ss) + 1e-30)
         power[j] = (ss * bc**2 - 2 * cs * bc * bs + cc * bs**2) / determinant / 2.0
     return Spectrum(frequency_hz, power)
 
 
 def quick_spectrum(
-    trials: Sequence[CellTrial],
-    whiteners: Sequence[Whitener],
-    residuals_mn: Sequence[FloatArray],
-    fit: JointFit,
-    frequency_hz: FloatArray,
+    trials: Sequence[CellTrial], freed: Sequence[Freed | None], fit: JointFit, frequency_hz: FloatArray
 ) -> Spectrum:
     """Return the power of quick movements of the surface (above some 4 Hz), where the tissue is a mere spring.
 
-    The residual in contact is correlated with each frequency's two quadratures; what the shared parameters could
-    absorb at such frequencies is nothing.
+    The residual in contact is correlated with each frequency's two quadratures.
     """
     power = np.ones((len(trials), len(frequency_hz)))
-    for j, (trial, whitener, residual) in enumerate(zip(trials, whiteners, residuals_mn, strict=True)):
+    for j, (trial, free) in enumerate(zip(trials, freed, strict=True)):
         inside = in_contact(trial, fit.own[j])[trial.fitted]
-        if trial.kind in ("air_sweep", "rigid_target") or inside.sum() < 50:
+        if free is None or inside.sum() < 50:
             continue
         weight = np.sqrt(trial.counts[trial.fitted][inside])
-        r = whitener(residual)[inside]
+        r = free.r[inside]
         r = (r - np.average(r, weights=weight)) * weight
         turning = np.exp(-2j * np.pi * frequency_hz[:, None] * trial.time_s[trial.fitted][inside])
         raw = np.abs(turning @ r) ** 2

@@ -35,7 +35,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     try:
         arguments = _parser().parse_args(argv)
-        _COMMANDS[arguments.command](arguments)
+        return _COMMANDS[arguments.command](arguments) or EXIT_OK
     except SystemExit as ended:
         return ended.code if isinstance(ended.code, int) else EXIT_BAD_INPUT
     except BadInputError as error:
@@ -46,7 +46,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _failed(EXIT_INTERRUPTED, str(error) or "interrupted")
     except BrokenPipeError:
         return EXIT_RUN_FAILED
-    return EXIT_OK
 
 
 def _failed(code: int, error: BaseException | str) -> int:
@@ -107,11 +106,14 @@ def _prove(given: argparse.Namespace) -> None:
     print(run_proof(cases=given.cases, seed=given.seed, out=given.out))
 
 
-def _rescue(given: argparse.Namespace) -> None:
+def _rescue(given: argparse.Namespace) -> int:
     from analysis.recordings.rescue import rescue_paths
 
-    for outcome in rescue_paths(given.paths):
-        print(f"{outcome.path}: {outcome.action}")
+    outcomes = rescue_paths(given.paths)
+    for outcome in outcomes:
+        unreadable = outcome.result == "unreadable"
+        print(f"{outcome.path}: {outcome.action}", file=sys.stderr if unreadable else sys.stdout)
+    return EXIT_BAD_INPUT if all(outcome.result == "unreadable" for outcome in outcomes) else EXIT_OK
 
 
 def _discard(given: argparse.Namespace) -> None:
@@ -128,7 +130,7 @@ def _watch(_: argparse.Namespace) -> None:
     watch()
 
 
-_COMMANDS = {
+_COMMANDS: dict[str, Callable[[argparse.Namespace], int | None]] = {
     "demo": _demo,
     "run": _run,
     "calibrate": _calibrate,

@@ -289,6 +289,24 @@ def test_wrong_use(argv: list[str], tmp_path: Path, capsys: pytest.CaptureFixtur
     refused(argv, capsys, tmp_path, "indenter")
 
 
+def test_rescue_of_files_none_of_which_can_be_read(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("text.h5", "empty.h5"):
+        (tmp_path / name).write_bytes(b"no trial" if name == "text.h5" else b"")
+    assert main(["rescue", str(tmp_path)]) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert sorted(line.split(": ")[0] for line in said.err.splitlines()) == [
+        str(tmp_path / "empty.h5"),
+        str(tmp_path / "text.h5"),
+    ]
+    # one that can be read is a success
+    write_trial(tmp_path / "whole.h5", good_trial())
+    assert main(["rescue", str(tmp_path)]) == 0
+    assert "whole.h5: is whole" in capsys.readouterr().out
+
+
 def test_a_folder_of_another_run_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     protocol = tmp_path / "protocol.toml"
     protocol.write_text(GOOD_PROTOCOL)

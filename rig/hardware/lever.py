@@ -13,26 +13,24 @@ from numpy.typing import NDArray
 
 from analysis.recordings.trial import Calibration
 from rig.errors import RigError
+from rig.hardware.brake import Brake
 from rig.hardware.daq import Card, CardInput
 from rig.hardware.drive import ArmWatcher, Drive
 from rig.hardware.errors import (
     CardError,
     HardwareError,
-    LimitHit,
     LimitRefusedError,
     NotWiredError,
     RetreatFailedError,
 )
-from rig.hardware.limits import Watch, refuse_beyond_limits
+from rig.hardware.limits import volts_within_limits
 from rig.hardware.playback import Chunk, Playback
 from rig.hardware.recorder import Recorder
 from rig.hardware.retreat import (
     LATE_S,
     LOOK_S,
-    SETTLE_S,
     bring_to_safety,
     commanded_by_loopback_mm,
-    straight_mm,
 )
 from rig.rig_file import RigFile
 
@@ -47,12 +45,6 @@ _RING_S = 60.0
 
 _AT_REST = 16
 """Samples at rest that precede every motion."""
-
-_AFTER_STOP = 8
-"""Samples averaged after a stop to read back where it stopped."""
-
-_LOOPBACK_TOLERANCE_MM = 0.05
-"""A loop-back that differs by more from the command at rest is not wired to it."""
 
 
 class Lever:
@@ -70,15 +62,10 @@ class Lever:
         self.calibration = calibration
         self.limits = rig.lever
         self._settings = rig.card
-        self._samples_per_read = max(round(rig.card.read_interval_s * rig.card.sample_rate_hz), 1)
         self._card = Card(card_address, rig.card.device)
         self._drive = Drive(self._card, rig.card, guard)
-        self._watch = Watch(rig.lever, calibration, rig.card.range_v)
+        self._brake = Brake(self._drive, rig, calibration)
         self._recorder: Recorder | None = None
-        self._halt_when: Callable[[Chunk], bool] | None = None
-        self._halted: Playback | None = None
-        self._limit_hit = False
-        self._retreating = False
 
     def __enter__(self) -> Self:
         try:
@@ -163,7 +150,7 @@ class Lever:
         recorder.wait_for(recorder.acquired() + _AT_REST)
         with self._drive.lock:
             # the reader thread may have hit a limit since the check
-            self._refuse_after_limit()
+            self._brake.refuse_after_limit()
             return self._drive.start(volts, acquired=recorder.acquired, taken=self._taken)
 
     def play_until(
@@ -176,11 +163,11 @@ class Lever:
         `Playback.stopped` says that it has happened, `halt` where.
         """
         recorder = self._recording()
-        self._halt_when, recorder.read_samples = seen, samples_per_read
+        self._brake.look_for(seen, recorder, samples_per_read)
         try:
             return self.play(waveform_mm)
         except HardwareError:
-            self._watch_no_longer(recorder)
+            self._brake.look_no_longer(recorder)
             raise
 
     def record_once(self, waveform_mm: FloatArray, tail_s: float = 0.0) -> tuple[Chunk, Playback]:
@@ -209,19 +196,7 @@ class Lever:
         With loop-back it is read there; without, it is where the card had got to when it was asked,
         some samples before the stop. Samples from after the stop have been `acquired` then.
         """
-        recorder = self._recording()
-        with self._drive.lock:
-            self._watch_no_longer(recorder)
-            self._stop_output()
-            playback, self._halted = self._halted, None
-        if playback is not None:
-            # the sample under way at the stop and the next may still show the motion
-            first = recorder.acquired() + 2
-            recorder.wait_for(first + _AFTER_STOP, heed=False)
-            if self.loopback_wired:
-                held_v = float(recorder.peek(first, first + _AFTER_STOP)[2].mean())
-                last = int(np.argmin(np.abs(playback.volts - held_v)))
-                self._drive.correct_stop(last + 1, float(playback.volts[last]))
+        self._brake.halt(self._recording())
         return self.commanded_mm
 
     def retreat(self) -> None:
@@ -233,7 +208,7 @@ class Lever:
         recorder = self._recorder
         if recorder is not None and recorder.alive:
             try:
-                self._retreat_recorded(recorder)
+                self._brake.retreat(recorder)
             except NotWiredError:
                 raise
             except HardwareError as error:
@@ -247,7 +222,7 @@ class Lever:
             raise RetreatFailedError(f"the arm could not be moved away, lift it by hand: {error}") from error
         _log.info("arm moved from %.3f to %.3f mm", done.from_mm, done.to_mm)
         self._drive.rest_at(self._volts_at(self.limits.safe_position_mm))
-        self._arrived()
+        self._brake.arrived()
 
     def stop_recording(self) -> None:
         """Stop the inputs; samples fetched and not yet read are dropped.
@@ -267,24 +242,17 @@ class Lever:
 
     def _checked(self, waveform_mm: FloatArray) -> FloatArray:
         """The waveform in volts, or LimitRefusedError."""
-        self._refuse_after_limit()
+        self._brake.refuse_after_limit()
         if self._drive.moving():
             raise LimitRefusedError("the arm still moves; nothing was sent; wait for its end, or halt it")
-        refuse_beyond_limits(waveform_mm, self.limits, rate_hz=self.sample_rate_hz, from_mm=self.commanded_mm)
-        volts: FloatArray = (
-            waveform_mm * self.calibration.command_volts_per_mm + self.calibration.command_zero_v
+        return volts_within_limits(
+            waveform_mm,
+            self.limits,
+            self.calibration,
+            rate_hz=self.sample_rate_hz,
+            range_v=self._settings.range_v,
+            from_mm=self.commanded_mm,
         )
-        needed_v, range_v = float(np.abs(volts).max()), self._settings.range_v
-        if needed_v > range_v:
-            raise LimitRefusedError(
-                f"the motion needs {needed_v:.2f} V of the card's {range_v:g} V; nothing was sent; lower "
-                "lever.travel_max_mm in rig.toml"
-            )
-        return volts
-
-    def _refuse_after_limit(self) -> None:
-        if self._limit_hit:
-            raise LimitRefusedError("a limit was hit; nothing was sent; retreat before the next motion")
 
     def _refuse_while_recording(self) -> None:
         if self._recorder is not None:
@@ -307,98 +275,16 @@ class Lever:
         )
 
     def _record(self, source: CardInput) -> None:
-        self._watch = Watch(self.limits, self.calibration, self._settings.range_v)
-        self._halt_when = self._halted = None
+        self._brake.prepare()
         recorder = Recorder(
             source,
             rate_hz=self.sample_rate_hz,
             ring_samples=round(_RING_S * self.sample_rate_hz),
-            read_samples=self._samples_per_read,
-            inspect=lambda start, block: self._inspect(recorder, start, block),
+            read_samples=max(round(self._settings.read_interval_s * self.sample_rate_hz), 1),
+            inspect=lambda start, block: self._brake.inspect(recorder, start, block),
         )
         self._recorder = recorder
         recorder.start()
-
-    def _stop_output(self) -> None:
-        """Stop what plays; `halt` finds out where it was."""
-        with self._drive.lock:
-            stopped = self._drive.stop(count=not self.loopback_wired)
-            if stopped is not None:
-                self._halted = stopped[0]
-
-    def _watch_no_longer(self, recorder: Recorder) -> None:
-        """Nothing stops the output any more but its end, a limit or the program."""
-        self._halt_when, recorder.read_samples = None, self._samples_per_read
-
-    def _inspect(self, recorder: Recorder, start: int, block: FloatArray) -> None:
-        """Called by the reader thread with every block: on a limit, begin the retract, then say so."""
-        if self._limit_hit or self._retreating:
-            return
-        command_v = block[2] if self.loopback_wired else self._drive.sent_v(start, start + block.shape[1])
-        try:
-            self._watch.check(start, block[0], block[1], command_v)
-        except LimitHit as hit:
-            self._limit_hit = True
-            try:
-                self._begin_way_to_safety(recorder)
-            except CardError as error:
-                raise RetreatFailedError(
-                    f"{hit.limit} limit hit at {hit.position_mm:.3f} mm and the arm could not be moved away, "
-                    f"lift it by hand: {error}"
-                ) from error
-            raise
-        halt_when = self._halt_when
-        if halt_when is not None and halt_when(Chunk(start, block[0], block[1], command_v, self.calibration)):
-            self._halt_when = None
-            self._stop_output()
-
-    def _begin_way_to_safety(self, recorder: Recorder) -> Playback:
-        with self._drive.lock:
-            self._drive.stop()
-            way_mm = straight_mm(
-                self.commanded_mm,
-                self.limits.safe_position_mm,
-                speed_mm_s=self.limits.retreat_speed_mm_s,
-                rate_hz=self.sample_rate_hz,
-            )
-            c = self.calibration
-            volts = way_mm * c.command_volts_per_mm + c.command_zero_v
-            return self._drive.start(volts, acquired=recorder.acquired, taken=self._taken)
-
-    def _retreat_recorded(self, recorder: Recorder) -> None:
-        """Retreat with the inputs running on, so that the way is recorded too."""
-        self._retreating = True
-        try:
-            self.halt()
-            playback = self._begin_way_to_safety(recorder)
-            n_settle = round(SETTLE_S * self.sample_rate_hz)
-            stop = playback.expected_sample + playback.n + n_settle
-            recorder.wait_for(stop, heed=False)
-            while self._drive.moving():
-                stop += n_settle
-                if stop > playback.expected_sample + playback.n + LATE_S * self.sample_rate_hz:
-                    raise RetreatFailedError("the output of the card does not end")
-                recorder.wait_for(stop, heed=False)
-            seen = recorder.peek(stop - n_settle // 2, stop).mean(axis=1)
-        finally:
-            self._retreating = False
-        c, safe_mm = self.calibration, self.limits.safe_position_mm
-        position_mm = (float(seen[0]) - c.position_zero_v) / c.volts_per_mm
-        if abs(position_mm - safe_mm) > self.limits.following_error_max_mm:
-            raise RetreatFailedError(f"the arm is at {position_mm:.2f} mm instead of {safe_mm:g} mm")
-        self._arrived()
-        if self.loopback_wired:
-            loopback_mm = (float(seen[2]) - c.command_zero_v) / c.command_volts_per_mm
-            if abs(loopback_mm - safe_mm) > _LOOPBACK_TOLERANCE_MM:
-                raise NotWiredError(
-                    f"card.loopback_channel reads {loopback_mm:.2f} mm while {safe_mm:g} mm is sent; wire "
-                    "the output to that input, or take the key out of rig.toml"
-                )
-
-    def _arrived(self) -> None:
-        self._limit_hit = False
-        self._watch = Watch(self.limits, self.calibration, self._settings.range_v)
-        self._drive.arrived()
 
     def _drop_tasks(self) -> None:
         """Free the card of all tasks; what can't be freed any more is noted and left."""

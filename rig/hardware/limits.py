@@ -60,6 +60,27 @@ def refuse_beyond_limits(
             )
 
 
+def volts_within_limits(
+    waveform_mm: FloatArray,
+    limits: LeverSettings,
+    calibration: Calibration,
+    *,
+    rate_hz: float,
+    range_v: float,
+    from_mm: float,
+) -> FloatArray:
+    """The waveform (n,), mm, as the card's output plays it, V; LimitRefusedError where it must not."""
+    refuse_beyond_limits(waveform_mm, limits, rate_hz=rate_hz, from_mm=from_mm)
+    volts: FloatArray = waveform_mm * calibration.command_volts_per_mm + calibration.command_zero_v
+    needed_v = float(np.abs(volts).max())
+    if needed_v > range_v:
+        raise LimitRefusedError(
+            f"the motion needs {needed_v:.2f} V of the card's {range_v:g} V; nothing was sent; lower "
+            "lever.travel_max_mm in rig.toml"
+        )
+    return volts
+
+
 @dataclass
 class _Streak:
     """How many samples in a row have passed a limit, carried from block to block."""

@@ -19,6 +19,7 @@ from rig.hardware.errors import (
     RetreatFailedError,
 )
 from rig.hardware.lever import Chunk, Lever, Playback
+from rig.hardware.limits import Watch
 from rig.hardware.retreat import straight_mm
 
 RunningBench = Any  # of this folder's conftest, which no test module can import
@@ -180,6 +181,29 @@ def test_an_arm_is_stopped_by_what_its_samples_show(lever: Lever, bench: Running
     read_to_end(lever, lever.play(way_mm(lever, 4.0)))
     assert len(shown) == n_shown
     assert lever.commanded_mm == pytest.approx(4.0)
+
+
+def test_a_limit_hit_before_a_stop_is_read_back_begins_the_way_where_the_arm_is(
+    lever: Lever, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def hit(start: int, position_v: np.ndarray, *_: np.ndarray) -> None:
+        raise LimitHit("force", sample=start, value=1.0, unit="mN", allowed=0.0, position_mm=3.0)
+
+    def beyond_3_mm(chunk: Chunk) -> bool:
+        beyond = bool(chunk.position_mm[-1] > 3.0)
+        if beyond:
+            monkeypatch.setattr(Watch, "check", lambda self, *block: hit(*block))
+        return beyond
+
+    lever.play_until(way_mm(lever, 6.0, speed_mm_s=5.0), beyond_3_mm, 40)
+    with pytest.raises(LimitHit):
+        while True:
+            lever.read(400)
+    after = lever.read(4000)
+    # towards the 6 mm at which the motion would have ended it never goes
+    assert after.command_mm.max() < 3.05
+    assert np.abs(np.diff(after.command_mm)).max() < 0.03
+    assert after.command_mm[-1] == pytest.approx(lever.limits.safe_position_mm, abs=0.01)
 
 
 def test_halt_of_an_arm_at_rest_changes_nothing(lever: Lever) -> None:

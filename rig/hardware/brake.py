@@ -1,0 +1,170 @@
+"""All that ends a motion of the arm: a limit, a sample that was looked for, the program, the way to safety."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.recordings.trial import Calibration
+from rig.hardware.drive import Drive
+from rig.hardware.errors import CardError, LimitHit, LimitRefusedError, NotWiredError, RetreatFailedError
+from rig.hardware.limits import Watch
+from rig.hardware.playback import Chunk, Playback
+from rig.hardware.recorder import Recorder
+from rig.hardware.retreat import LATE_S, SETTLE_S, straight_mm
+from rig.rig_file import RigFile
+
+FloatArray = NDArray[np.float64]
+
+_AFTER_STOP = 8
+"""Samples averaged after a stop to read back where it stopped."""
+
+_LOOPBACK_TOLERANCE_MM = 0.05
+"""A loop-back that differs by more from the command at rest is not wired to it."""
+
+
+class Brake:
+    """Stops what the drive plays.
+
+    `inspect` runs in the reader thread and acts there, so that nothing stands between a sample and the
+    stop; everything else is called by the program's thread.
+    """
+
+    def __init__(self, drive: Drive, rig: RigFile, calibration: Calibration) -> None:
+        self._drive = drive
+        self._settings = rig.card
+        self._limits = rig.lever
+        self._calibration = calibration
+        self._wired = rig.card.loopback_channel is not None
+        self._limit_hit = False
+        self._retreating = False
+        self._usual_read_samples = 0
+        self.prepare()
+
+    def prepare(self) -> None:
+        """Begin anew with a recording: nothing is looked for, the limits are watched from its start."""
+        self._watch = Watch(self._limits, self._calibration, self._settings.range_v)
+        self._seen: Callable[[Chunk], bool] | None = None
+        self._halted: Playback | None = None
+
+    def look_for(self, seen: Callable[[Chunk], bool], recorder: Recorder, samples_per_read: int) -> None:
+        """Stop the output once ``seen`` returns True; the thread reads so many samples at a time meanwhile."""
+        self._usual_read_samples, recorder.read_samples = recorder.read_samples, samples_per_read
+        self._seen = seen
+
+    def look_no_longer(self, recorder: Recorder) -> None:
+        """Nothing stops the output any more but its end, a limit or the program."""
+        self._seen = None
+        if self._usual_read_samples:
+            recorder.read_samples, self._usual_read_samples = self._usual_read_samples, 0
+
+    def refuse_after_limit(self) -> None:
+        """Raise LimitRefusedError where the arm was stopped by a limit and has not been to safety since."""
+        if self._limit_hit:
+            raise LimitRefusedError("a limit was hit; nothing was sent; retreat before the next motion")
+
+    def inspect(self, recorder: Recorder, start: int, block: FloatArray) -> None:
+        """Look at the next samples, (n_channels, n), V: on a limit, begin the retract, then raise LimitHit."""
+        if self._limit_hit or self._retreating:
+            return
+        command_v = block[2] if self._wired else self._drive.sent_v(start, start + block.shape[1])
+        try:
+            self._watch.check(start, block[0], block[1], command_v)
+        except LimitHit as hit:
+            self._limit_hit = True
+            try:
+                # stopped, and not read back yet: what came last is nearest to where the arm is
+                self._stopped_at(block[:, -1:])
+                self._begin_way_to_safety(recorder)
+            except CardError as error:
+                raise RetreatFailedError(
+                    f"{hit.limit} limit hit at {hit.position_mm:.3f} mm and the arm could not be moved away, "
+                    f"lift it by hand: {error}"
+                ) from error
+            raise
+        seen = self._seen
+        if seen is not None and seen(Chunk(start, block[0], block[1], command_v, self._calibration)):
+            self._seen = None
+            self._stop()
+
+    def halt(self, recorder: Recorder) -> None:
+        """Stop the output, unless that has been done, and find out where it was; see `Lever.halt`."""
+        with self._drive.lock:
+            self.look_no_longer(recorder)
+            self._stop()
+            playback = self._halted
+        if playback is None:
+            return
+        # the sample under way at the stop and the next may still show the motion
+        first = recorder.acquired() + 2
+        recorder.wait_for(first + _AFTER_STOP, heed=False)
+        with self._drive.lock:
+            # else a limit was hit meanwhile, and the arm is on its way
+            if self._halted is playback:
+                self._stopped_at(recorder.peek(first, first + _AFTER_STOP))
+
+    def retreat(self, recorder: Recorder) -> None:
+        """Move to the safe position with the inputs running on, so that the way is recorded too."""
+        rate_hz = self._settings.sample_rate_hz
+        self._retreating = True
+        try:
+            self.halt(recorder)
+            playback = self._begin_way_to_safety(recorder)
+            n_settle = round(SETTLE_S * rate_hz)
+            stop = playback.expected_sample + playback.n + n_settle
+            recorder.wait_for(stop, heed=False)
+            while self._drive.moving():
+                stop += n_settle
+                if stop > playback.expected_sample + playback.n + LATE_S * rate_hz:
+                    raise RetreatFailedError("the output of the card does not end")
+                recorder.wait_for(stop, heed=False)
+            seen = recorder.peek(stop - n_settle // 2, stop).mean(axis=1)
+        finally:
+            self._retreating = False
+        c, safe_mm = self._calibration, self._limits.safe_position_mm
+        position_mm = (float(seen[0]) - c.position_zero_v) / c.volts_per_mm
+        if abs(position_mm - safe_mm) > self._limits.following_error_max_mm:
+            raise RetreatFailedError(f"the arm is at {position_mm:.2f} mm instead of {safe_mm:g} mm")
+        self.arrived()
+        if self._wired:
+            loopback_mm = (float(seen[2]) - c.command_zero_v) / c.command_volts_per_mm
+            if abs(loopback_mm - safe_mm) > _LOOPBACK_TOLERANCE_MM:
+                raise NotWiredError(
+                    f"card.loopback_channel reads {loopback_mm:.2f} mm while {safe_mm:g} mm is sent; wire "
+                    "the output to that input, or take the key out of rig.toml"
+                )
+
+    def arrived(self) -> None:
+        """The arm rests at the safe position."""
+        self._limit_hit = False
+        self.prepare()
+        self._drive.arrived()
+
+    def _stop(self) -> None:
+        with self._drive.lock:
+            stopped = self._drive.stop(count=not self._wired)
+            if stopped is not None:
+                self._halted = stopped[0]
+
+    def _stopped_at(self, samples: FloatArray) -> None:
+        """What was stopped ended where the loop-back of these samples, (n_channels, n), says, if it is wired."""
+        with self._drive.lock:
+            playback, self._halted = self._halted, None
+            if playback is not None and self._wired:
+                last = int(np.argmin(np.abs(playback.volts - samples[2].mean())))
+                self._drive.correct_stop(last + 1, float(playback.volts[last]))
+
+    def _begin_way_to_safety(self, recorder: Recorder) -> Playback:
+        c, limits = self._calibration, self._limits
+        with self._drive.lock:
+            self._drive.stop()
+            way_mm = straight_mm(
+                (self._drive.held_v - c.command_zero_v) / c.command_volts_per_mm,
+                limits.safe_position_mm,
+                speed_mm_s=limits.retreat_speed_mm_s,
+                rate_hz=self._settings.sample_rate_hz,
+            )
+            volts = way_mm * c.command_volts_per_mm + c.command_zero_v
+            return self._drive.start(volts, acquired=recorder.acquired, taken=lambda: recorder.taken)

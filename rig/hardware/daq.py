@@ -218,6 +218,7 @@ class Card:
                 )
             _refuse_coerced(task, rate_hz, doing)
             writer = AnalogSingleChannelWriter(task.out_stream, auto_start=False)
+            writer.verify_array_shape = False  # one channel, one row: no need to ask the card
             for start in range(0, len(volts), _WRITE_BLOCK):
                 writer.write_many_sample(np.ascontiguousarray(volts[start : start + _WRITE_BLOCK]))
         return CardOutput(task, self.where)

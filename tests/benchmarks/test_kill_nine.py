@@ -121,7 +121,7 @@ def test_kill_nine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     print(
         f"\n{KILLS} kills, {in_contact} with the punch in the skin; every file opened and was rescued\n"
         f"missing at the end of the file: median {np.median(missing):.0f} ms, "
-        f"maximum {missing.max():.0f} ms, limit 100\n"
+        f"maximum {missing.max():.0f} ms, within 100 ms {np.sum(missing <= 100)} of {len(missing)}\n"
         f"arm at the safe position after: median {np.median(safe):.0f} ms, maximum {safe.max():.0f} ms, "
         f"within 500 ms {np.sum(safe <= 500)} of {KILLS}"
     )

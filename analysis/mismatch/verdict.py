@@ -206,7 +206,16 @@ def _unexplained(diagnosis: Diagnosis, before: Residual) -> tuple[Window, ...]:
     if best is not None:
         return _difference_windows(diagnosis, diagnosis.baseline, best.fit, p_value, before.total)
     words = f"looks most like {wording.spoken(name)}"
-    effects = [np.asarray(t.in_phase("hold") | t.in_phase("dwell"), dtype=float) for t in problem.trials]
+    at_rest = [(t.in_phase("hold") | t.in_phase("dwell")) & t.fitted for t in problem.trials]
+    # its size: what the residual at rest has beyond white noise
+    energy = cells = samples = 0.0
+    for j, (t, mask) in enumerate(zip(problem.trials, at_rest, strict=True)):
+        r = problem.residual(diagnosis.baseline, j)
+        energy += float(t.counts[mask] @ r[mask] ** 2)
+        cells += float(mask.sum())
+        samples += float(t.counts[mask].sum())
+    size_mn = np.sqrt(max(energy - cells * problem.white_mn**2, 1e-6 * energy) / max(samples, 1.0))
+    effects = [size_mn * mask for mask in at_rest]
     return located.effect_windows(
         problem, diagnosis.baseline, effects, p_value=p_value, total=before.total, words=words
     )

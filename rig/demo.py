@@ -71,7 +71,8 @@ def run_demo(out: Path) -> Path:
     )
     trials = step(
         4,
-        "A small study: 2 fingers, 4 depths, 2 repeats at 8000 samples a second, with its rests",
+        "A small study: 2 fingers, 4 depths, 2 repeats at 8000 samples a second, with its rests "
+        "(the time left is the bench's, which passes as fast as the computer can)",
         lambda: run_protocol_file(study, rig=rig, out=out / "trials"),
     )
     page = step(5, "Fit the relaxation of every trial", lambda: _fit(trials, out / "fits"))

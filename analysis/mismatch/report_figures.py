@@ -86,6 +86,8 @@ def _trial(figure: Any, diagnosis: Diagnosis, report: Report) -> None:
                 if span is None:
                     axes.axvspan(*focus, color=WINDOW, alpha=0.35, lw=0)
         below.set_xlabel("time since the trial's first sample (s)")
+        if span is not None:
+            below.locator_params(axis="x", nbins=4)  # a short stretch far from zero has long labels
     panels[0, 0].set_ylabel("force (mN)")
     panels[1, 0].set_ylabel("recorded − simulated\n(mN)")
     panels[0, 0].legend(loc="best", markerscale=3)

@@ -13,7 +13,7 @@ from analysis.relaxation.constants import StepAnswer
 from analysis.relaxation.contact import find_contact
 from analysis.relaxation.motion import sample_noise
 from analysis.relaxation.result import TrialFit
-from analysis.relaxation.windows import CannotFitError, cut_window
+from analysis.relaxation.windows import FitWindow, cut_window
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,8 @@ def fitted_curve(trial: Trial, row: TrialFit) -> Curve:
     """Return the force that a trial's own fit says; NaN before the hold for the step model."""
     window = cut_window(trial)
     if row.solid is not None:
-        found = _solid_force(trial, row, row.solid.contact_mm) + row.solid.offset_mn
+        stiffness, times_s = np.array(row.solid.stiffness_mn_per_mm), np.array(row.solid.times_s)
+        found = _solid_force(window, stiffness, times_s, row.solid.contact_mm) + row.solid.offset_mn
         fitted = np.append(found, found[-1])
     else:
         fitted = np.full(len(window.time_s), np.nan)
@@ -57,16 +58,16 @@ def fitted_curve(trial: Trial, row: TrialFit) -> Curve:
     )
 
 
-def predict(row: TrialFit, other: Trial, contact_mm: float) -> Prediction:
-    """Return how well ``row``'s solid, fitted elsewhere, says the force of another trial.
+def predict(
+    stiffness_mn_per_mm: FloatArray, times_s: FloatArray, other: Trial, contact_mm: float
+) -> Prediction:
+    """Return how well a solid, fitted elsewhere, says the force of another trial, touched at ``contact_mm``.
 
-    The other trial's force offset is free; nothing else is. Raises CannotFitError where there is nothing
-    to say.
+    ``stiffness_mn_per_mm`` (1 + n_arms,), k0 first; ``times_s`` (n_arms,). The other trial's force offset
+    is free; nothing else is. Raises CannotFitError where the trial has nothing to predict.
     """
-    if row.solid is None:
-        raise CannotFitError("only a fit of the ramp model says other motions")
     window = cut_window(other)
-    said_mn = _solid_force(other, row, contact_mm)
+    said_mn = _solid_force(window, stiffness_mn_per_mm, times_s, contact_mm)
     force_mn = window.force_mn[: len(said_mn)]
     said_mn = said_mn + float(np.mean(force_mn - said_mn))
     missed_mn = force_mn - said_mn
@@ -82,12 +83,11 @@ def predict(row: TrialFit, other: Trial, contact_mm: float) -> Prediction:
     )
 
 
-def _solid_force(trial: Trial, row: TrialFit, contact_mm: float) -> FloatArray:
-    assert row.solid is not None
-    window = cut_window(trial)
+def _solid_force(
+    window: FitWindow, stiffness_mn_per_mm: FloatArray, times_s: FloatArray, contact_mm: float
+) -> FloatArray:
     blocks = condense(window, find_contact(window).sample)
-    stiffness = np.array(row.solid.stiffness_mn_per_mm)
-    return sampled_force(blocks, contact_mm, stiffness, np.array(row.solid.times_s))
+    return sampled_force(blocks, contact_mm, stiffness_mn_per_mm, times_s)
 
 
 def _step_answer(row: TrialFit) -> StepAnswer:

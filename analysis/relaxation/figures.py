@@ -83,6 +83,12 @@ def _stiffness(figure: Any, rows: Sequence[TrialFit], study: Study) -> None:
         axes.plot(span, line, "-", color="black", lw=1.0, label=f"{study.slope_mn_per_um:.3f} mN/um")
         published = STIFFNESS_MN_PER_UM
         axes.plot(span, published * span, "--", color=_GREY, lw=1.0, label=f"published {published:.3f} mN/um")
+    # one trial that tells nothing of A0 must not squeeze all others into a line
+    estimates = [row.estimates["A0_mn"] for row in rows]
+    values = [estimate.value for estimate in estimates]
+    margin = 0.1 * (max(values) - min(values)) + 2.0 * float(np.median([e.se for e in estimates]))
+    if margin > 0:
+        axes.set_ylim(min(values) - margin, max(values) + margin)
     axes.set_xlabel("depth (um)")
     axes.set_ylabel("A0 (mN)")
     axes.legend()

@@ -9,7 +9,7 @@ import numpy as np
 
 from analysis.recordings.trial import FloatArray, Trial
 from analysis.relaxation.contact import Contact, find_contact
-from analysis.relaxation.quality import checks_of_ramp, checks_of_step
+from analysis.relaxation.quality import checks_of_ramp, checks_of_signals, checks_of_step
 from analysis.relaxation.ramp_fit import RampSolution, fit_ramp
 from analysis.relaxation.result import Amplitudes, Estimate, Model, TrialFit
 from analysis.relaxation.step_fit import StepSolution, fit_step
@@ -34,6 +34,8 @@ def fit_trial(trial: Trial, model: Model = "ramp") -> TrialFit:
         with np.errstate(all="ignore"):
             window = cut_window(trial)
             labels = _measured_labels(labels, window, model)
+            # a trial that is refused keeps what its signals say of the reason
+            labels = replace(labels, checks=checks_of_signals(trial, window))
             contact = find_contact(window)
             if model == "step":
                 return _step_row(labels, trial, window, contact)

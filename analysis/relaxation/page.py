@@ -28,7 +28,8 @@ _LABELS = {
 }
 _CAPTIONS = {
     "relaxation": "Recorded force (points) and fit (lines), one trial a depth, with the residual below.",
-    "stiffness": "A0 over depth with standard errors; line: its slope, broken line: the published one.",
+    "stiffness": "A0 over depth with standard errors; line: its slope, broken line: the published one. The ramp "
+    "model's A0 counts from the first touch, depth from where the approach stopped.",
     "parameters": "Times and amplitude ratios by depth and finger, mean and sd; band: published.",
 }
 _MODEL_TEXTS = {

@@ -91,7 +91,8 @@ def solve_separable(
     if held is None:
         worst = float(np.min(free.amplitudes[:n_springs]) / np.max(np.abs(free.amplitudes[:n_springs])))
         raise CannotFitError(
-            f"no springs and dashpots fit: a spring would be negative ({worst:.2g} of the largest)"
+            f"no springs and dashpots fit: the force does not fall as a solid's would, "
+            f"a spring would be negative ({worst:.2g} of the largest)"
         )
     return held
 

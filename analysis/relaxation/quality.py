@@ -53,6 +53,16 @@ def checks_of_step(
     )
 
 
+def checks_of_signals(trial: Trial, window: FitWindow) -> tuple[Check, ...]:
+    """Return the checks that need no fit."""
+    return (
+        signal_checks.hold_not_constant(window),
+        signal_checks.control_mode_changed(trial, window),
+        signal_checks.saturation(trial, window),
+        signal_checks.depth_missed(trial, window),
+    )
+
+
 def _shared(
     trial: Trial,
     window: FitWindow,
@@ -64,15 +74,12 @@ def _shared(
     offset_mn: float,
 ) -> tuple[Check, ...]:
     return (
-        signal_checks.hold_not_constant(window),
-        signal_checks.control_mode_changed(trial, window),
+        *row.checks,
         signal_checks.contact_lost(window, offset_mn),
-        signal_checks.saturation(trial, window),
         signal_checks.motion_artefact(window, in_hold_mn),
         signal_checks.ringing(window, in_hold_mn),
         signal_checks.drift(trial, window, contact, row.estimates["A0_mn"].value),
         _not_white(noise, in_hold_mn),
-        signal_checks.depth_missed(trial, window),
         _incomplete(trial, row),
     )
 

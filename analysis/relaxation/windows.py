@@ -55,10 +55,13 @@ def cut_window(trial: Trial) -> FitWindow:
     An import that is unevenly sampled is used as it was taken, not as resampled.
     """
     if trial.kind != "ramp_hold_retract":
-        raise CannotFitError(f"no relaxation of skin to fit: the trial is a {trial.kind.replace('_', ' ')}")
+        raise CannotFitError(
+            f"no relaxation of skin to fit: the trial's kind is {trial.kind.replace('_', ' ')}"
+        )
     hold = trial.phase("hold")
     if hold is None:
-        raise CannotFitError("no hold to fit: the trial has no phase named hold")
+        instead = next((f" ({event.message})" for event in trial.events if event.kind == "force_held"), "")
+        raise CannotFitError(f"no hold to fit: the trial has no phase named hold{instead}")
     earlier = [trial.phase(name) for name in ("approach", "dwell", "ramp")]
     starts = [phase.start for phase in earlier if phase is not None and phase.stop <= hold.start]
     first = min(starts, default=hold.start)

@@ -6,7 +6,7 @@ before the simulated world itself, without the card between, for speed.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -58,6 +58,8 @@ class WorldLever:
     sample_rate_hz: float = RATE_HZ
     read_so_far: int = 0
     queue: WorldPlayback | None = None
+    seen: Callable[[Chunk], bool] | None = None
+    samples_per_read: int = 1
 
     def __post_init__(self) -> None:
         self.held_v = self.world.settings.initial_command_v
@@ -66,6 +68,10 @@ class WorldLever:
     def commanded_mm(self) -> float:
         c = self.calibration
         return (self.held_v - c.command_zero_v) / c.command_volts_per_mm
+
+    @property
+    def acquired(self) -> int:
+        return self.read_so_far
 
     def start_recording(self) -> None:
         self.read_so_far = 0
@@ -80,7 +86,23 @@ class WorldLever:
         self.queue = WorldPlayback(self.read_so_far, volts, self)
         return self.queue
 
+    def play_until(
+        self, waveform_mm: FloatArray, seen: Callable[[Chunk], bool], samples_per_read: int
+    ) -> WorldPlayback:
+        self.seen, self.samples_per_read = seen, samples_per_read
+        return self.play(waveform_mm)
+
     def read(self, n: int) -> Chunk:
+        start, blocks = self.read_so_far, []
+        while (left := start + n - self.read_so_far) > 0:
+            block = self._next(min(left, self.samples_per_read) if self.seen else left)
+            blocks.append((block.position_v, block.force_v, block.command_v))
+            if self.seen is not None and self.seen(block):
+                self.halt()
+        position_v, force_v, command_v = np.hstack(blocks)
+        return Chunk(start, position_v, force_v, command_v, self.calibration)
+
+    def _next(self, n: int) -> Chunk:
         command = np.full(n, self.held_v)
         if self.queue is not None:
             done = self.read_so_far - self.queue.started_sample
@@ -94,7 +116,7 @@ class WorldLever:
         return Chunk(start, readings.position_v, readings.force_v, command, self.calibration)
 
     def halt(self) -> float:
-        self.queue = None
+        self.queue = self.seen = None
         return self.commanded_mm
 
     def retreat(self) -> None:

@@ -88,7 +88,16 @@ def _import(given: argparse.Namespace) -> None:
 def _fit(given: argparse.Namespace) -> None:
     from analysis.relaxation.batch import fit_paths
 
-    print(fit_paths(given.paths, model=given.model, out=given.out, jobs=given.jobs, dask=given.dask))
+    page = fit_paths(
+        given.paths,
+        model=given.model,
+        out=given.out,
+        jobs=given.jobs,
+        dask=given.dask,
+        intervals=given.intervals,
+        joint=given.joint,
+    )
+    print(page)
 
 
 def _diagnose(given: argparse.Namespace) -> None:
@@ -211,6 +220,8 @@ def _add_analysis_commands(commands: argparse._SubParsersAction[_OneLineParser])
     fit.add_argument("--model", choices=("ramp", "step"), default="ramp")
     fit.add_argument("--out", type=Path, default=Path("fits"), metavar="DIR")
     fit.add_argument("--jobs", type=_at_least(1), metavar="N", help="processes at a time")
+    fit.add_argument("--intervals", action="store_true", help="profile intervals of every trial as well")
+    fit.add_argument("--joint", action="store_true", help="one solid for all trials of a finger as well")
     fit.add_argument("--dask", metavar="ADDRESS", help="send the trials to this Dask scheduler")
 
     diagnose = commands.add_parser(

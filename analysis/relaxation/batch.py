@@ -15,8 +15,11 @@ from typing import Any
 
 from analysis.errors import BadInputError
 from analysis.recordings.folders import find_trials
-from analysis.relaxation.cross_prediction import CrossPrediction, cross_predict, flag_failures
+from analysis.relaxation.cross_prediction import cross_predict, flag_failures
+from analysis.relaxation.findings import Findings
 from analysis.relaxation.fit import fit_trial
+from analysis.relaxation.joint import fit_fingers
+from analysis.relaxation.profile import profile_intervals
 from analysis.relaxation.result import Model, TrialFit
 from analysis.relaxation.study import summarise
 from analysis.relaxation.tables import write_csv, write_json
@@ -34,33 +37,45 @@ def fit_paths(
     out: Path,
     jobs: int | None = None,
     dask: str | None = None,
+    intervals: bool = False,
+    joint: bool = False,
 ) -> Path:
     """Fit every trial of the files and folders; write fits.csv, fits.json, figures and a page to ``out``.
 
     ``jobs`` processes are used (all cores without it), or the Dask cluster at ``dask``, which must see
-    the same files. Returns the page's path. Raises BadInputError where there is nothing to fit or not
-    one file can be read.
+    the same files. ``intervals`` adds profile intervals of every trial, ``joint`` one solid for all
+    trials of a finger; both need the ramp model. Returns the page's path. Raises BadInputError where
+    there is nothing to fit or not one file can be read.
     """
     if model not in MODELS:
         raise BadInputError(f"model {model!r} is not known: use one of {', '.join(MODELS)}")
     if jobs is not None and jobs < 1:
         raise BadInputError(f"--jobs {jobs}: at least one process is needed")
+    if model != "ramp" and (intervals or joint):
+        raise BadInputError(f"--intervals and --joint need --model ramp: the {model} model has neither")
     files = find_trials(paths)
-    rows, predictions = fit_to_tables(files, model=model, out=out, jobs=jobs, dask=dask)
+    found = fit_to_tables(files, model=model, out=out, jobs=jobs, dask=dask, intervals=intervals, joint=joint)
     from analysis.relaxation.page import write_page
 
     with _writing_to(out):
-        return write_page(out, files, rows, predictions)
+        return write_page(out, files, found)
 
 
 def fit_to_tables(
-    files: Sequence[Path], *, model: Model, out: Path, jobs: int | None = None, dask: str | None = None
-) -> tuple[list[TrialFit], list[CrossPrediction]]:
-    """Fit the files and write fits.csv and fits.json; return the rows, one a file, and what they predict."""
+    files: Sequence[Path],
+    *,
+    model: Model,
+    out: Path,
+    jobs: int | None = None,
+    dask: str | None = None,
+    intervals: bool = False,
+    joint: bool = False,
+) -> Findings:
+    """Fit the files and write fits.csv and fits.json; return what they hold, one row a file."""
     with _writing_to(out):
         out.mkdir(parents=True, exist_ok=True)
     with _executor(len(files), jobs, dask) as executor, _progress(len(files)) as advance:
-        rows = fit_files(files, model, executor, advance)
+        rows = fit_files(files, model, executor, advance, intervals=intervals)
     unread = [row for row in rows if row.failure.startswith(_UNREAD)]
     if len(unread) == len(rows):
         more = f" (and {len(rows) - 1} more files that can't be read)" if len(rows) > 1 else ""
@@ -68,10 +83,12 @@ def fit_to_tables(
     rows = _distinct_names(files, rows)
     predictions = cross_predict(files, rows)
     rows = flag_failures(rows, predictions)
+    solids = fit_fingers(files, rows) if joint else []
+    found = Findings(tuple(rows), summarise(rows), tuple(predictions), tuple(solids))
     with _writing_to(out):
         write_csv(out / "fits.csv", rows)
-        write_json(out / "fits.json", rows, summarise(rows), predictions)
-    return rows, predictions
+        write_json(out / "fits.json", found)
+    return found
 
 
 @contextmanager
@@ -89,6 +106,8 @@ def fit_files(
     model: Model,
     executor: Executor | None = None,
     advance: Callable[[int], None] = lambda _: None,
+    *,
+    intervals: bool = False,
 ) -> list[TrialFit]:
     """Return one row a file, in order; ``executor`` is anything with the interface of concurrent.futures.
 
@@ -98,10 +117,10 @@ def fit_files(
     if executor is None:
         rows = []
         for file in files:
-            rows.append(_fit_file(str(file), model))
+            rows.append(_fit_file(str(file), model, intervals))
             advance(1)
         return rows
-    tasks = {executor.submit(_fit_chunk, chunk, model): i for i, chunk in enumerate(chunks)}
+    tasks = {executor.submit(_fit_chunk, chunk, model, intervals): i for i, chunk in enumerate(chunks)}
     done: dict[int, list[TrialFit]] = {}
     for task in as_completed(tasks):
         chunk = chunks[tasks[task]]
@@ -118,18 +137,21 @@ def fit_files(
 _UNREAD = "can't be read: "
 
 
-def _fit_chunk(files: list[str], model: Model) -> list[TrialFit]:
-    return [_fit_file(file, model) for file in files]
+def _fit_chunk(files: list[str], model: Model, intervals: bool) -> list[TrialFit]:
+    return [_fit_file(file, model, intervals) for file in files]
 
 
-def _fit_file(file: str, model: Model) -> TrialFit:
+def _fit_file(file: str, model: Model, intervals: bool) -> TrialFit:
     from analysis.recordings.reading import read_trial
 
     try:
         trial = read_trial(Path(file))
     except BadInputError as error:
         return TrialFit(file=Path(file).name, trial_id="", model=model, failure=f"{_UNREAD}{error}")
-    return fit_trial(trial, model)
+    row = fit_trial(trial, model)
+    if not (intervals and row.fitted):
+        return row
+    return replace(row, intervals=profile_intervals(trial))
 
 
 @contextmanager

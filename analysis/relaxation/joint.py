@@ -8,16 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.recordings.reading import read_trial
 from analysis.recordings.trial import FloatArray, Trial
 from analysis.relaxation.block_response import block_answer
 from analysis.relaxation.blocks import Blocks
 from analysis.relaxation.noise import NoiseSpectrum, noise_covariance, widened
 from analysis.relaxation.ramp_fit import RampSolution, fit_ramp
-from analysis.relaxation.result import Estimate
+from analysis.relaxation.result import Estimate, TrialFit
 from analysis.relaxation.windows import CannotFitError, cut_window
 
 _MOST_STEPS = 60
@@ -74,6 +76,39 @@ def fit_joint(trials: Sequence[Trial], n_arms: int = 2) -> JointFit:
         )
         shared, members = _search(shared, members, n_arms)
         return _result(shared, members, n_arms, tuple(i for i, _ in singles), tuple(left_out))
+
+
+@dataclass(frozen=True, slots=True)
+class FingerSolid:
+    """One solid for all trials of a finger: ``joint`` is None where ``failure`` says why there is none.
+
+    ``left_out`` are (file, reason) of trials that could not be fitted.
+    """
+
+    subject: str
+    finger: str
+    n: int
+    joint: JointFit | None
+    left_out: tuple[tuple[str, str], ...]
+    failure: str = ""
+
+
+def fit_fingers(files: Sequence[Path], rows: Sequence[TrialFit]) -> list[FingerSolid]:
+    """Return one solid a finger from all its trials, of whatever depth, that were fitted and not discarded."""
+    groups: dict[tuple[str, str], list[tuple[Path, TrialFit]]] = {}
+    for file, row in zip(files, rows, strict=True):
+        if row.fitted and not row.discarded:
+            groups.setdefault((row.subject, row.finger), []).append((file, row))
+    found = []
+    for (subject, finger), group in groups.items():
+        try:
+            joint = fit_joint([read_trial(file) for file, _ in group])
+        except (CannotFitError, np.linalg.LinAlgError) as reason:
+            found.append(FingerSolid(subject, finger, 0, None, (), str(reason)))
+            continue
+        left_out = tuple((group[index][1].file, reason) for index, reason in joint.left_out)
+        found.append(FingerSolid(subject, finger, len(joint.used), joint, left_out))
+    return found
 
 
 def _member(single: RampSolution) -> _One:

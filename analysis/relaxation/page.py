@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import math
 from collections.abc import Sequence
 from datetime import datetime
 from importlib.metadata import version
@@ -13,10 +14,13 @@ from analysis.recordings.reading import read_trial
 from analysis.relaxation.constants import ramp_bias
 from analysis.relaxation.cross_prediction import CrossPrediction
 from analysis.relaxation.figures import draw_all
+from analysis.relaxation.findings import Findings
+from analysis.relaxation.joint import FingerSolid
 from analysis.relaxation.prediction import Curve, fitted_curve
+from analysis.relaxation.profile import PROFILED
 from analysis.relaxation.published import CURVES, RESULTS, SOURCE, STIFFNESS_MN_PER_UM
 from analysis.relaxation.result import NAMES, TrialFit
-from analysis.relaxation.study import COLUMNS, Group, Study, Summary, summarise
+from analysis.relaxation.study import COLUMNS, Group, Study, Summary
 
 _LABELS = {
     "A0_mn": "A0 (mN)",
@@ -25,7 +29,9 @@ _LABELS = {
     "t1_s": "t1 (s)",
     "t2_s": "t2 (s)",
     "stiffness_mn_per_um": "stiffness (mN/um)",
+    "k0_mn_per_mm": "k0 (mN/mm)",
 }
+_SHARED = ("k0_mn_per_mm", "A1_over_A0", "A2_over_A0", "t1_s", "t2_s")
 _CAPTIONS = {
     "relaxation": "Recorded force (points) and fit (lines), one trial a depth, with the residual below.",
     "stiffness": "A0 over depth with standard errors; line: its slope, broken line: the published one. The ramp "
@@ -39,16 +45,14 @@ _MODEL_TEXTS = {
 _MOST_CURVES = 6
 
 
-def write_page(
-    out: Path, files: Sequence[Path], rows: Sequence[TrialFit], predictions: Sequence[CrossPrediction] = ()
-) -> Path:
+def write_page(out: Path, files: Sequence[Path], found: Findings) -> Path:
     """Draw the figures and write ``fits.html`` into ``out``; return its path.
 
-    ``files`` (N,) belong to ``rows`` (N,).
+    ``files`` (N,) belong to the rows (N,).
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    study = summarise(rows)
+    rows, study = found.rows, found.study
     figures = draw_all(out, rows, study, _examples(files, rows))
     environment = Environment(
         loader=PackageLoader("analysis.relaxation", "."), autoescape=True, undefined=StrictUndefined
@@ -72,7 +76,11 @@ def write_page(
         column_labels=[_LABELS[column] for column in COLUMNS],
         groups=[_group_cells(group) for group in study.groups],
         scatter=_scatter_cells(study),
-        predictions=[_prediction_cells(prediction) for prediction in predictions],
+        predictions=[_prediction_cells(prediction) for prediction in found.predictions],
+        solids=[_solid_cells(solid) for solid in found.solids],
+        intervals=[_interval_cells(row) for row in rows if row.intervals],
+        interval_labels=[_LABELS[name] for name in PROFILED],
+        solid_labels=[_LABELS[name] for name in _SHARED],
         flagged=[{"file": row.file, "lines": _flag_lines(row)} for row in rows if row.flags],
         trial_labels=[_LABELS[name] for name in NAMES],
         trials=[_trial_cells(row) for row in rows if row.fitted],
@@ -197,6 +205,28 @@ def _prediction_cells(item: CrossPrediction) -> dict[str, Any]:
         "r2": _number(item.r2, 4),
         "failed": item.failed,
     }
+
+
+def _solid_cells(solid: FingerSolid) -> dict[str, Any]:
+    name = " ".join(part for part in (solid.subject, solid.finger) if part) or "not named"
+    joint = solid.joint
+    if joint is None:
+        return {"finger": name, "n": 0, "cells": [], "failure": solid.failure}
+    cells = [
+        f"{_number(joint.estimates[column].value, 5)} ± {_number(joint.estimates[column].se, 2)} "
+        f"({_number(joint.repeat_se[column], 2)})"
+        for column in _SHARED
+    ]
+    return {"finger": name, "n": solid.n, "cells": cells, "failure": ""}
+
+
+def _interval_cells(row: TrialFit) -> dict[str, Any]:
+    cells = []
+    for name in PROFILED:
+        interval = row.intervals[name]
+        high = _number(interval.high) if math.isfinite(interval.high) else "no bound"
+        cells.append(f"{_number(interval.low)} to {high}")
+    return {"file": row.file, "cells": cells}
 
 
 def _flag_lines(row: TrialFit) -> list[str]:

@@ -7,7 +7,6 @@ minus two standard errors does not.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -17,21 +16,19 @@ from analysis.relaxation.block_response import block_answer
 from analysis.relaxation.noise import influences
 from analysis.relaxation.projection import Rows, solve_separable
 from analysis.relaxation.ramp_fit import RampSolution, fit_ramp
+from analysis.relaxation.result import Interval
 from analysis.relaxation.windows import CannotFitError, cut_window
 
 Profiled = Literal["t1_s", "t2_s", "A1_over_A0", "A2_over_A0"]
+PROFILED: tuple[Profiled, ...] = ("t1_s", "t2_s", "A1_over_A0", "A2_over_A0")
 _MOST_TRIES = 40
 _TOLERANCE = 2e-3  # in standard normal units
 _FARTHEST = 50.0  # standard errors; beyond, the side is called open
 
 
-@dataclass(frozen=True, slots=True)
-class Interval:
-    """A confidence interval; ``low`` is 0, ``high`` infinity where the recording sets no bound there."""
-
-    low: float
-    value: float
-    high: float
+def profile_intervals(trial: Trial, confidence: float = 0.95) -> dict[str, Interval]:
+    """Return the profile intervals of both times and both ratios, by name; errors as `profile_interval`."""
+    return {name: profile_interval(trial, name, confidence) for name in PROFILED}
 
 
 def profile_interval(trial: Trial, name: Profiled, confidence: float = 0.95) -> Interval:
@@ -42,7 +39,7 @@ def profile_interval(trial: Trial, name: Profiled, confidence: float = 0.95) -> 
     the interval as it should. Raises CannotFitError where the trial can't be fitted, ValueError for a
     name or confidence that makes no sense.
     """
-    if name not in ("t1_s", "t2_s", "A1_over_A0", "A2_over_A0") or not 0 < confidence < 1:
+    if name not in PROFILED or not 0 < confidence < 1:
         raise ValueError(f"no profile of {name!r} at confidence {confidence}")
     from scipy.special import ndtri
 
@@ -120,7 +117,7 @@ def _rise(found: RampSolution, name: Profiled, scale: float) -> Callable[[float]
                 high=high,
                 n_springs=1 + n_arms - (not fixes_time),
             )
-        except CannotFitError:
+        except (CannotFitError, np.linalg.LinAlgError):
             return float(np.inf)
         return float(np.sqrt(max(solution.squares - found.squares, 0.0) / scale))
 

@@ -21,6 +21,15 @@ class Estimate:
 
 
 @dataclass(frozen=True, slots=True)
+class Interval:
+    """A confidence interval; ``low`` is 0, ``high`` infinity where the recording sets no bound there."""
+
+    low: float
+    value: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True)
 class Check:
     """A question asked of a trial's quality and its answer in numbers.
 
@@ -65,6 +74,7 @@ class Amplitudes:
 class TrialFit:
     """One row of a study: a trial's labels, its estimates by the names of `NAMES`, its checks.
 
+    ``intervals`` are profile intervals (95 %) by the same names, where they were asked for.
     ``failure`` is the reason why ``estimates`` is empty. ``depth_mm`` is the protocol's, or the measured
     travel of the ramp where it has none. ``solid`` is None where nothing was fitted and for the step
     model.
@@ -86,6 +96,7 @@ class TrialFit:
     hold_s: float | None = None
     solid: Amplitudes | None = None
     checks: tuple[Check, ...] = ()
+    intervals: Mapping[str, Interval] = field(default_factory=dict)
     failure: str = ""
     discarded: str = ""
 

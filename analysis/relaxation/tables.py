@@ -10,10 +10,10 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from analysis.relaxation.cross_prediction import CrossPrediction
+from analysis.relaxation.findings import Findings
+from analysis.relaxation.joint import FingerSolid
 from analysis.relaxation.published import CURVES, RESULTS, SOURCE, STIFFNESS_MN_PER_UM
 from analysis.relaxation.result import NAMES, TrialFit
-from analysis.relaxation.study import Study
 
 COLUMNS = (
     "file",
@@ -64,10 +64,9 @@ def _text(value: object) -> str:
     return f"{value:.9g}" if isinstance(value, float) else str(value)
 
 
-def write_json(
-    path: Path, rows: Sequence[TrialFit], study: Study, predictions: Sequence[CrossPrediction]
-) -> None:
+def write_json(path: Path, found: Findings) -> None:
     """Write fits.json: every row with its solid and its checks, the study, the published results."""
+    rows, study = found.rows, found.study
     document = {
         "format": "indenter-fits",
         "format_version": 1,
@@ -90,9 +89,23 @@ def write_json(
             "stiffness_mn_per_um": STIFFNESS_MN_PER_UM,
             **{name: asdict(result) for name, result in RESULTS.items()},
         },
-        "other_ramps": [asdict(prediction) for prediction in predictions],
+        "other_ramps": [asdict(prediction) for prediction in found.predictions],
+        "joint": [_solid(solid) for solid in found.solids],
     }
     path.write_text(json.dumps(_plain(document), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def _solid(solid: FingerSolid) -> dict[str, Any]:
+    joint = solid.joint
+    return {
+        "subject": solid.subject,
+        "finger": solid.finger,
+        "n": solid.n,
+        "failure": solid.failure,
+        "left_out": [list(one) for one in solid.left_out],
+        "estimates": {name: asdict(e) for name, e in joint.estimates.items()} if joint else None,
+        "repeat_se": joint.repeat_se if joint else None,
+    }
 
 
 def _trial(row: TrialFit) -> dict[str, Any]:
@@ -118,6 +131,7 @@ def _trial(row: TrialFit) -> dict[str, Any]:
             "rms_mn": row.rms_mn,
             "r2": row.r2,
             "solid": asdict(row.solid) | {"covariance": row.solid.covariance.tolist()} if row.solid else None,
+            "intervals_95": {name: asdict(interval) for name, interval in row.intervals.items()},
             "checks": [asdict(check) for check in row.checks],
         }
     return fields

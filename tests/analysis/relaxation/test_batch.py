@@ -127,6 +127,26 @@ def test_step_model_writes_the_same_columns(folder: Path, tmp_path: Path):
     assert float(row["n_samples"]) == 24000
 
 
+def test_intervals_and_one_solid_a_finger_on_request(folder: Path, tmp_path: Path):
+    files = [folder / f"{name}.h5" for name in ("index_0.2_1", "index_0.6_1", "thumb_0.6_1")]
+    fit_paths(files, out=tmp_path, jobs=1, intervals=True, joint=True)
+    document = json.loads((tmp_path / "fits.json").read_text())
+    for trial in document["trials"]:
+        interval, estimate = trial["intervals_95"]["t1_s"], trial["t1_s"]
+        assert interval["high"] - interval["low"] == pytest.approx(2 * 1.96 * estimate["se"], rel=0.1)
+    index, thumb = document["joint"]
+    assert (index["finger"], index["n"]) == ("index", 2)
+    assert index["estimates"]["k0_mn_per_mm"]["value"] == pytest.approx(120.0, rel=0.01)
+    assert index["estimates"]["t1_s"]["se"] < document["trials"][0]["t1_s"]["se"]
+    assert thumb["estimates"] is None
+    assert "two trials" in thumb["failure"]
+    page = (tmp_path / "fits.html").read_text(encoding="utf-8")
+    assert "One solid for all trials of a finger" in page
+    assert "Profile intervals" in page
+    with pytest.raises(BadInputError, match="--model ramp"):
+        fit_paths(files, model="step", out=tmp_path, jobs=1, joint=True)
+
+
 def test_any_executor_gives_the_same_rows_in_order(folder: Path):
     files = sorted(folder.glob("*.h5"))
     alone = fit_files(files, "ramp")

@@ -151,7 +151,10 @@ def _fit_file(file: str, model: Model, intervals: bool) -> TrialFit:
     row = fit_trial(trial, model)
     if not (intervals and row.fitted):
         return row
-    return replace(row, intervals=profile_intervals(trial))
+    try:
+        return replace(row, intervals=profile_intervals(trial))
+    except (ArithmeticError, ValueError):
+        return row  # as of a fit, the arithmetic of a hopeless recording must not end the study
 
 
 @contextmanager

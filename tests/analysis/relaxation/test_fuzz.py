@@ -100,7 +100,7 @@ def fuzz(folder: Path, trial: Trial, count: int, seed: int) -> Counter[str]:
             outcomes["refused when written"] += 1
             continue
         model: Model = "ramp" if rng.random() < 0.6 else "step"
-        (row,) = fit_files([path], model)
+        (row,) = fit_files([path], model, intervals=model == "ramp" and number % 4 == 0)
         assert "\n" not in row.flags
         if row.fitted:
             assert np.all(np.isfinite([x for e in row.estimates.values() for x in (e.value, e.se)]))

@@ -109,10 +109,16 @@ def _number(value: float | None, digits: int = 4) -> str:
     return "" if value is None else f"{value:.{digits}g}"
 
 
+def _with_error(value: float, error: float | None) -> str:
+    """Return both to the second digit of the error."""
+    if error is None or not 0 < error < math.inf:
+        return _number(value)
+    decimals = min(max(1 - math.floor(math.log10(error)), 0), 9)
+    return f"{value:.{decimals}f} ± {error:.{decimals}f}"
+
+
 def _mean_sd(summary: Summary | None) -> str:
-    if summary is None:
-        return ""
-    return _number(summary.mean) + (f" ± {_number(summary.sd, 2)}" if summary.sd is not None else "")
+    return "" if summary is None else _with_error(summary.mean, summary.sd)
 
 
 def _beside(study: Study) -> list[dict[str, Any]]:
@@ -213,7 +219,7 @@ def _solid_cells(solid: FingerSolid) -> dict[str, Any]:
     if joint is None:
         return {"finger": name, "n": 0, "cells": [], "failure": solid.failure}
     cells = [
-        f"{_number(joint.estimates[column].value, 5)} ± {_number(joint.estimates[column].se, 2)} "
+        f"{_with_error(joint.estimates[column].value, joint.estimates[column].se)} "
         f"({_number(joint.repeat_se[column], 2)})"
         for column in _SHARED
     ]
@@ -241,9 +247,7 @@ def _trial_cells(row: TrialFit) -> dict[str, Any]:
         "finger": row.finger,
         "depth": _number(row.depth_mm, 3),
         "repeat": "" if row.repeat is None else row.repeat,
-        "cells": [
-            f"{_number(e.value)} ± {_number(e.se, 2)}" for e in (row.estimates[name] for name in NAMES)
-        ],
+        "cells": [_with_error(e.value, e.se) for e in (row.estimates[name] for name in NAMES)],
         "rms": _number(row.rms_mn, 3),
         "r2": _number(row.r2, 5),
     }

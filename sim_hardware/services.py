@@ -1,5 +1,6 @@
 """All that the bench offers, put together from its settings: card, stage, balance, control."""
 
+import gc
 import sys
 from concurrent.futures import ThreadPoolExecutor
 
@@ -47,6 +48,8 @@ class Services:
         for line in self._lines.values():
             line.start()
         self._control.start()
+        gc.collect()
+        gc.freeze()  # what is loaded by now stays: a card does not stand still for 70 ms to look for garbage
         self.card.start_background()
         self.addresses = {
             "card": f"127.0.0.1:{port}",

@@ -27,7 +27,7 @@ from analysis.relaxation.tables import write_csv, write_json
 MODELS = ("ramp", "step")
 _CHUNK = 4  # files a task
 _FEW = 4  # files that are not worth a second process
-_LOADED_ONCE = ["analysis.relaxation.batch", "analysis.recordings.reading", "scipy.linalg"]
+_LOADED_ONCE = ["analysis.relaxation.batch", "analysis.recordings.reading", "scipy.fft", "scipy.linalg"]
 
 
 def fit_paths(

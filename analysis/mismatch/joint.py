@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.mismatch.block_prior import BLOCK_PARAMETER, block_information
 from analysis.mismatch.noise import Whitener
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.forward import RIGID_STIFFNESS_MN_PER_MM, PerTrial, simulate_force
@@ -23,9 +24,10 @@ TISSUE_PARAMETERS = (
     Parameter("k2_mn_per_mm", "mN/mm", 1e-9, 1e9, "log"),
     Parameter("tau2_s", "s", 1e-4, 1e4, "log"),
 )
-RIGID_PARAMETER = Parameter("target_stiffness_mn_per_mm", "mN/mm", RIGID_STIFFNESS_MN_PER_MM, 1e7, "log")
+RIGID_PARAMETER = Parameter(BLOCK_PARAMETER, "mN/mm", RIGID_STIFFNESS_MN_PER_MM, 1e7, "log")
 Z0_STEP_MM = 5e-5
 MANY_TRIALS = 8
+AT_BOUND = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,6 +112,25 @@ class Simulation:
                 values += [a.values[p.name] for p in a.mechanism.parameters]
         return np.array([p.to_fit(v) for p, v in zip(self.parameters(trials), values, strict=True)])
 
+    def known(self, trials: Sequence[CellTrial]) -> tuple[FloatArray, FloatArray, float]:
+        """Return J'J (P, P), J'r (P,) and r^2 of what is known of the shared parameters without any trial."""
+        return block_information([p.name for p in self.parameters(trials)], self.rigid_stiffness)
+
+    def pinned(self, gradient: FloatArray, trials: Sequence[CellTrial]) -> NDArray[np.bool_]:
+        """Mask (P,) of the parameters at a bound that the fit would pass if it could: they are no freedom of it.
+
+        ``gradient`` (P,) points to where the cost falls, on the scale of the fit.
+        """
+        found = np.zeros(len(gradient), dtype=bool)
+        pairs = zip(self.parameters(trials), self.vector(trials), strict=True)
+        for k, (parameter, fitted) in enumerate(pairs):
+            ends = sorted((parameter.to_fit(parameter.lower), parameter.to_fit(parameter.upper)))
+            near = AT_BOUND * max(1.0, abs(float(fitted)))
+            found[k] = (fitted <= ends[0] + near and gradient[k] < 0) or (
+                fitted >= ends[1] - near and gradient[k] > 0
+            )
+        return found
+
     def moved_to(self, vector: FloatArray, trials: Sequence[CellTrial]) -> Simulation:
         """Return the simulation with its shared parameters at ``vector`` (P,), kept within bounds."""
         parameters = self.parameters(trials)
@@ -193,7 +214,13 @@ def linearise(
     residual = trial.force_mn - force - latent @ coefficients
     stacked = whitener(np.column_stack([residual, columns, A]))
     p = columns.shape[1]
-    return Linearised(stacked[:, 0], stacked[:, 1 : 1 + p], stacked[:, 1 + p :])
+    r, J, A = stacked[:, 0], stacked[:, 1 : 1 + p], stacked[:, 1 + p :]
+    if trial.touches and own.z0_mm <= trial.begins_mm:
+        at = len(own_columns) - 1
+        if float(project_out(A, r[:, None])[1][at, 0]) < 0.0:
+            # a trial begins before contact: a contact point at its beginning has nowhere to go
+            A[:, at] = 0.0
+    return Linearised(r, J, A)
 
 
 def _step(parameter: Parameter, fitted: float) -> float:
@@ -252,14 +279,22 @@ def fit_jointly(
     lines, cost = _linearise_all(trials, whiteners, simulation, own, latent, coefficients, frozen)
     for _ in range(rounds):
         hessian, gradient, reduced = _normal_equations(lines)
+        known = 0.0
+        if len(gradient):
+            known_JJ, known_Jr, known = simulation.known(trials)
+            hessian, gradient = hessian + known_JJ, gradient + known_Jr
         accepted = False
         for _ in range(8):
             scale = np.diag(np.maximum(np.diag(hessian), 1e-12))
             shared_step: FloatArray = np.zeros(0)
             moved = simulation
             if len(gradient):
-                solved = np.linalg.lstsq(hessian + damping * scale, gradient, rcond=1e-13)[0]
-                shared_step = np.asarray(solved, dtype=np.float64)
+                free = ~simulation.pinned(gradient, trials)
+                solved = np.linalg.lstsq(
+                    (hessian + damping * scale)[np.ix_(free, free)], gradient[free], rcond=1e-13
+                )[0]
+                shared_step = np.zeros(len(gradient))
+                shared_step[free] = solved
                 moved = simulation.moved_to(
                     simulation.vector(trials) + _kept_short(shared_step, simulation, trials), trials
                 )
@@ -268,14 +303,17 @@ def fit_jointly(
             for trial, o, c, (beta_r, beta_J) in zip(trials, own, coefficients, reduced, strict=True):
                 step = list(beta_r - beta_J @ shared_step)
                 offset = o.offset_mn + (float(step.pop(0)) if trial.frees_offset else 0.0)
-                z0 = o.z0_mm + (float(np.clip(step.pop(0), -0.3, 0.3)) if trial.touches else 0.0)
+                z0 = o.z0_mm
+                if trial.touches:
+                    z0 = max(z0 + float(np.clip(step.pop(0), -0.3, 0.3)), trial.begins_mm)
                 new_own.append(PerTrial(z0, offset))
                 new_coefficients.append(c + np.array(step))
             new_latent = [moved.latent_columns(t, o) for t, o in zip(trials, new_own, strict=True)]
             new_lines, new_cost = _linearise_all(
                 trials, whiteners, moved, new_own, new_latent, new_coefficients, frozen
             )
-            if new_cost.sum() <= cost.sum() * (1 + 1e-12):
+            new_known = moved.known(trials)[2] if len(gradient) else 0.0
+            if new_cost.sum() + new_known <= (cost.sum() + known) * (1 + 1e-12):
                 accepted = True
                 break
             damping = max(damping * 30, 1e-4)
@@ -287,27 +325,36 @@ def fit_jointly(
         damping = max(damping / 10, 1e-9)
         if gain < tolerance * len(trials) and promised < 10 * tolerance * len(trials):
             break
-    covariance, heldout = _spread_over_trials(lines, cost)
+    covariance, heldout = _spread_over_trials(lines, cost, simulation, trials)
     return JointFit(simulation, tuple(own), tuple(coefficients), cost, covariance, heldout)
 
 
-def _spread_over_trials(lines: Sequence[Linearised], cost: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the sandwich covariance (P, P) and each trial's held-out cost (T,)."""
+def _spread_over_trials(
+    lines: Sequence[Linearised], cost: FloatArray, simulation: Simulation, trials: Sequence[CellTrial]
+) -> tuple[FloatArray, FloatArray]:
+    """Return the sandwich covariance (P, P), zero for what is at its bound, and each trial's held-out cost (T,)."""
     parts = [_reduced(line)[:2] for line in lines]
-    hessian = np.sum([h for h, _ in parts], axis=0)
     gradients = np.array([g for _, g in parts])
     n = len(lines)
-    if not hessian.size:
-        return hessian, cost.copy()
-    inverse = np.linalg.pinv(hessian, rcond=1e-13, hermitian=True)
-    spread = gradients.T @ gradients * (n / (n - 1)) if n >= MANY_TRIALS else hessian
+    if not gradients.size:
+        return np.zeros((0, 0)), cost.copy()
+    known_JJ, known_Jr, _ = simulation.known(trials)
+    hessian = np.sum([h for h, _ in parts], axis=0) + known_JJ
+    pinned = simulation.pinned(gradients.sum(axis=0) + known_Jr, trials)
+    # what is known beforehand of a parameter leaves it as unsure as it is, at its bound or not
+    free = ~pinned | (np.diag(known_JJ) > 0)
+    spread = gradients.T @ gradients * (n / (n - 1)) + known_JJ if n >= MANY_TRIALS else hessian
+    inverse = np.linalg.pinv(hessian[np.ix_(free, free)], rcond=1e-13, hermitian=True)
+    covariance = np.zeros_like(hessian)
+    covariance[np.ix_(free, free)] = inverse @ spread[np.ix_(free, free)] @ inverse
+    heldout = cost.copy()
     if n == 1:
-        return inverse, cost.copy()
-    heldout = np.empty(n)
+        return covariance, heldout
+    kept = np.ix_(~pinned, ~pinned)
     for j, (h, g) in enumerate(parts):
-        step = np.linalg.pinv(hessian - h, rcond=1e-10, hermitian=True) @ g
-        heldout[j] = cost[j] + 2.0 * float(g @ step) + float(step @ h @ step)
-    return inverse @ spread @ inverse, heldout
+        step = np.linalg.pinv((hessian - h)[kept], rcond=1e-10, hermitian=True) @ g[~pinned]
+        heldout[j] += 2.0 * float(g[~pinned] @ step) + float(step @ h[kept] @ step)
+    return covariance, heldout
 
 
 def _kept_short(step: FloatArray, simulation: Simulation, trials: Sequence[CellTrial]) -> FloatArray:

@@ -16,8 +16,11 @@ from analysis.simulation.forward import simulate_force
 from analysis.simulation.mechanism import Mechanism, Values
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 BLOCK_CELLS = 25
+BLOCKS_A_PHASE = 12
+FEWEST_CELLS = 6
 FEW_TRIALS = 8
 
 
@@ -54,6 +57,20 @@ class Signatures:
     def norm(self) -> FloatArray:
         """Norm (M,) of the orthogonal signatures: their strength at the probe's setting."""
         return np.sqrt(np.maximum(np.diag(self.gram), 0.0))
+
+
+def block_edges(phase: IntArray) -> IntArray:
+    """Return the edges of blocks of neighbouring cells, each in one phase; ``phase`` (n,) of the cells.
+
+    A phase has a dozen blocks where its cells suffice: what shows in one phase only could not be significant by the
+    signs of fewer.
+    """
+    ends = [0, *(np.flatnonzero(np.diff(phase)) + 1).tolist(), len(phase)]
+    edges = [0]
+    for a, b in zip(ends[:-1], ends[1:], strict=True):
+        blocks = max((b - a) // BLOCK_CELLS, min(BLOCKS_A_PHASE, (b - a) // FEWEST_CELLS), 1)
+        edges += np.linspace(a, b, blocks + 1).astype(int)[1:].tolist()
+    return np.array(edges, dtype=np.int64)
 
 
 def probe_columns(trial: CellTrial, fit: JointFit, index: int, probes: Sequence[Probe]) -> FloatArray:
@@ -96,8 +113,7 @@ def accumulate(
         left, _ = project_out(line.A, np.column_stack([line.r, line.J, columns]))
         p = line.J.shape[1]
         r, J, G = left[:, 0], left[:, 1 : 1 + p], left[:, 1 + p :]
-        blocks = max(1, len(r) // BLOCK_CELLS) if len(trials) < FEW_TRIALS else 1
-        edges = np.linspace(0, len(r), blocks + 1).astype(int)
+        edges = block_edges(trial.phase[trial.fitted]) if len(trials) < FEW_TRIALS else np.array([0, len(r)])
         block_JG = np.array(
             [
                 np.concatenate([J[a:b].T @ r[a:b], G[a:b].T @ r[a:b]])
@@ -113,11 +129,15 @@ def accumulate(
         )
         parts.append((J.T @ J, J.T @ G, G.T @ G, block_JG, np.hstack([by_bin, by_bin * contrast[j]])))
     p = parts[0][0].shape[0]
-    JJ = np.sum([x[0] for x in parts], axis=0)
+    units = np.concatenate([x[3] for x in parts])
+    known_JJ, known_Jr, _ = fit.simulation.known(trials)
+    pinned = fit.simulation.pinned(units[:, :p].sum(axis=0) + known_Jr, trials)
+    for JJ_j, JG_j, _, _, _ in parts:
+        JJ_j[pinned, :], JJ_j[:, pinned], JG_j[pinned] = 0.0, 0.0, 0.0
+    JJ = np.sum([x[0] for x in parts], axis=0) + known_JJ
     JG = np.sum([x[1] for x in parts], axis=0)
     absorbed = np.linalg.pinv(JJ, rcond=1e-12, hermitian=True) @ JG if p else np.zeros((0, len(probes)))
     gram = np.sum([x[2] for x in parts], axis=0) - JG.T @ absorbed
-    units = np.concatenate([x[3] for x in parts])
     scores = units[:, p:] - units[:, :p] @ absorbed
     trial_scores = np.array([x[3][:, p:].sum(axis=0) - x[3][:, :p].sum(axis=0) @ absorbed for x in parts])
     norm2 = np.array(

@@ -60,6 +60,6 @@ def start_own(trials: Sequence[CellTrial]) -> list[PerTrial]:
 
 
 def start_rigid(trials: Sequence[CellTrial]) -> float:
-    """Return a first stiffness of the stiff block (mN/mm)."""
+    """Return a first stiffness of the stiff block (mN/mm): the middle of the compliances that a block may have."""
     stated = [t.target_stiffness_mn_per_mm for t in trials if t.target_stiffness_mn_per_mm]
-    return stated[0] if stated else 3.0 * RIGID_STIFFNESS_MN_PER_MM
+    return stated[0] if stated else 2.0 * RIGID_STIFFNESS_MN_PER_MM

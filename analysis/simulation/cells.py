@@ -76,6 +76,11 @@ class CellTrial:
         return self.kind != "air_sweep"
 
     @property
+    def begins_mm(self) -> float:
+        """Where the trial begins: before contact, by what a trial is, so that contact lies no higher (mm)."""
+        return float(self.position_mm[0])
+
+    @property
     def frees_offset(self) -> bool:
         """Whether the offset is fitted: a hold by itself can't tell it from the stiffness, so there it is measured."""
         return bool(self.fitted.all())
@@ -161,7 +166,7 @@ def find_contact(trial: Trial, motion: Motion) -> tuple[float, float]:
     """Return a first estimate of contact position (mm) and force offset (mN).
 
     The offset is the median force before contact, or after it is lost; contact is where the smoothed force
-    first leaves the offset for good, carried back along the slope behind it.
+    first leaves the offset for good, carried back along the slope behind it, but not to before the trial began.
     """
     force, x, rate = trial.force_mn, motion.position_mm, trial.sample_rate_hz
     clear = trial.phase("clear")
@@ -194,7 +199,7 @@ def find_contact(trial: Trial, motion: Motion) -> tuple[float, float]:
     second = first + (int(twice[0]) if twice.size else 0)
     rise, way = smooth[second] - smooth[first], x[second] - x[first]
     back = (smooth[first] - offset) * way / rise if rise > 0 and way > 0 else 0.0
-    return float(x[first] - max(0.0, min(back, 0.2))), offset
+    return max(float(x[first] - max(0.0, min(back, 0.2))), float(x[0])), offset
 
 
 def condition_of(trial: Trial) -> str:

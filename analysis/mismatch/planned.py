@@ -19,7 +19,6 @@ SHORT_MM = 0.3
 CLEAR_S = 0.3
 CONTACT_MN_PER_MM = 120.0
 SWEEP_MM = (1.0, 9.0)
-BLOCK_MN_PER_MM = 2.0e4
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,10 +86,7 @@ def planned_cells(plan: PlannedTrial, sample_rate_hz: float, order: int = 0) -> 
             ramp_speed_mm_s=plan.ramp_speed_mm_s,
             hold_s=None if sweep else plan.hold_s,
         ),
-        specimen=Specimen(
-            rest_s=plan.rest_s,
-            target_stiffness_mn_per_mm=BLOCK_MN_PER_MM if plan.kind == "rigid_target" else None,
-        ),
+        specimen=Specimen(rest_s=plan.rest_s),
     )
     kinks = [0, *(p.start for p in phases), n - 1]
     if sweep:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from analysis.mismatch.diagnosis import Absorbed
 from analysis.mismatch.joint import Addition
 from analysis.mismatch.problem import Problem
-from analysis.mismatch.report import NotIdentifiable, Quantity, Report, Window
+from analysis.mismatch.report import NextExperiment, NotIdentifiable, Quantity, Report, Window
 from analysis.mismatch.signatures import FEW_TRIALS
 from analysis.simulation.mechanism import Mechanism, library
 
@@ -165,9 +165,24 @@ def summary(report: Report) -> str:
         said.append(_hidden_words(report.not_identifiable))
     if report.next_experiment is not None:
         said.append(
-            f"Next: run next.toml ({report.next_experiment.adds}), which is predicted to separate them."
+            f"Next: run next.toml ({report.next_experiment.adds}), which is predicted to "
+            f"{_what_it_separates(report.next_experiment)}."
         )
     return " ".join(said)
+
+
+def _what_it_separates(experiment: NextExperiment) -> str:
+    """Say what the next run is for: telling rivals apart, or showing what could hide in the fitted tissue."""
+    hiding = [spoken(a) for a, b in experiment.separates if b == "tissue"]
+    rivals = [f"{spoken(a)} from {spoken(b)}" for a, b in experiment.separates if b != "tissue"]
+    ways = []
+    if rivals:
+        ways.append(f"tell {listed(rivals)}")
+    if hiding:
+        ways.append(
+            f"show whether {listed(hiding, 'or')} {'hides' if len(hiding) == 1 else 'hide'} in the tissue"
+        )
+    return listed(ways)
 
 
 def _headline(report: Report) -> str:

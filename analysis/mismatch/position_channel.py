@@ -18,6 +18,8 @@ FloatArray = NDArray[np.float64]
 
 SMALLEST_MM = 5e-4
 POSITION_LEVEL = 0.008
+WITHIN_TWO = 0.9545
+FAR_OFF = 6.0
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,16 @@ class PositionFinding:
         return np.flatnonzero((np.abs(self.profile_mm) > SMALLEST_MM) & (self.bin_p < POSITION_LEVEL))
 
 
+def _noise_mm(trial: CellTrial) -> float:
+    """Return the rms noise of a sample from differences of neighbours, those far off left out.
+
+    What is far off is judged by a quantile and not the median, half of which a converter's steps make too small.
+    """
+    jump = np.abs(np.diff(trial.full_servo_residual_mm.astype(np.float64)))
+    usual = float(np.quantile(jump, WITHIN_TWO)) / 2.0
+    return float(np.sqrt(np.mean(jump[jump <= FAR_OFF * max(usual, SMALLEST_MM * 1e-3)] ** 2) / 2.0))
+
+
 def look_at_position(trials: Sequence[CellTrial], rng: np.random.Generator) -> PositionFinding | None:
     """Compare recorded position with the nominal servo's answer to the command; None without commands.
 
@@ -51,20 +63,7 @@ def look_at_position(trials: Sequence[CellTrial], rng: np.random.Generator) -> P
     used = [t for t in trials if t.has_command]
     if not used:
         return None
-    noise_mm = (
-        float(
-            np.median(
-                [
-                    np.median(np.abs(np.diff(t.servo_residual_mm[t.counts == 1])))
-                    for t in used
-                    if (t.counts == 1).sum() > 10
-                ]
-            )
-        )
-        / 0.6745
-        / np.sqrt(2.0)
-    )
-    noise_mm = max(noise_mm, 1e-6)
+    noise_mm = max(float(np.median([_noise_mm(t) for t in used])), 1e-6)
     scores, by_bin, grams, means, counts, gains = [], [], [], [], [], []
     for t in used:
         weight = np.sqrt(t.counts) / noise_mm

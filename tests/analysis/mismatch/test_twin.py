@@ -33,8 +33,7 @@ def test_twin_is_a_rig_file_whose_bench_accepts_its_settings(
     assert bench.specimens.published_tissue
     assert bench.tissue.k0_mn_per_mm == pytest.approx(120.0, rel=0.02)
     assert bench.noise.force_mn_rms == pytest.approx(0.3, rel=0.05)
-    # differences of neighbours are few converter steps (0.15 um), their median no finer than that
-    assert bench.noise.position_um_rms == pytest.approx(0.25, rel=0.2)
+    assert bench.noise.position_um_rms == pytest.approx(0.25, rel=0.05)
 
 
 def test_twin_behaves_as_the_found_simulation(

@@ -15,6 +15,7 @@ from scipy.optimize import least_squares
 
 from analysis.recordings.trial import Trial
 from analysis.simulation.servo import DEFAULT_DAMPING_RATIO, DEFAULT_NATURAL_FREQUENCY_RAD_S, follow
+from analysis.simulation.smoothing import smoothed, width_for_acceleration
 from analysis.simulation.straight import straightened
 
 FloatArray = NDArray[np.float64]
@@ -28,7 +29,6 @@ VELOCITY_WINDOW_S = 0.002
 KINK_MM_S = 0.3
 UNKNOWN_DRIVE = 30.0
 SMALLEST_NOISE_MM = 2e-4
-UNKNOWN_DRIVE_SMOOTHING_S = 0.006
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,7 +146,7 @@ def estimate_motion(
     if trial.command_mm is not None and not _servo_explains(recorded, base):
         # a drive that is no such servo: its answer would add accelerations that never were
         base, v, a = np.zeros_like(recorded), np.zeros_like(recorded), np.zeros_like(recorded)
-        unknown = gaussian_filter1d(recorded, max(0.5, UNKNOWN_DRIVE_SMOOTHING_S * rate))
+        unknown = smoothed(recorded, width_for_acceleration(recorded))
     else:
         unknown = None
     rest = recorded - base
@@ -155,16 +155,14 @@ def estimate_motion(
     for k in kinks:
         near[max(0, k - half) : k + half] = 1.0
     near = gaussian_filter1d(near, max(1.0, half / 4))
-    fast = gaussian_filter1d(rest, max(0.3, FAST_SMOOTHING_S * rate))
-    slow = gaussian_filter1d(rest, max(0.3, SLOW_SMOOTHING_S * rate))
+    fast = smoothed(rest, max(0.3, FAST_SMOOTHING_S * rate))
+    slow = smoothed(rest, max(0.3, SLOW_SMOOTHING_S * rate))
     smooth = near * fast + (1.0 - near) * slow
     # a resting arm's velocity must be nearer to zero than friction can tell from zero
-    steady = gaussian_filter1d(rest, max(0.3, RATE_SMOOTHING_S * rate))
+    steady = smoothed(rest, max(0.3, RATE_SMOOTHING_S * rate))
     rest_v = np.gradient(steady) * rate
     if trial.command_mm is None:
-        rest_v = (
-            near * np.gradient(gaussian_filter1d(rest, max(0.5, 0.002 * rate))) * rate + (1.0 - near) * rest_v
-        )
+        rest_v = near * np.gradient(smoothed(rest, max(0.5, 0.002 * rate))) * rate + (1.0 - near) * rest_v
     if unknown is not None:
         smooth, rest_v = unknown, np.gradient(unknown) * rate
     rest_a = np.gradient(rest_v) * rate

@@ -98,7 +98,7 @@ def law_candidates(problem: Problem, fit: JointFit, seen: Look) -> list[Candidat
     worth = WORTH_REFITTING * best[significant[0]][0][0]
     found = []
     for name in [n for n in significant if best[n][0][0] >= worth][:REFITTED]:
-        refitted = _best_refit(problem, fit, best[name])
+        refitted = best_refit(problem, fit, best[name])
         probe = best[name][0][1]
         found.append(
             Candidate(probe.mechanism, refitted, fit.heldout_cost - refitted.heldout_cost, seen.p_of[name])
@@ -106,7 +106,7 @@ def law_candidates(problem: Problem, fit: JointFit, seen: Look) -> list[Candidat
     return found
 
 
-def _best_refit(problem: Problem, fit: JointFit, starts: list[tuple[float, Probe, float]]) -> JointFit:
+def best_refit(problem: Problem, fit: JointFit, starts: list[tuple[float, Probe, float]]) -> JointFit:
     """Refit from the best probes, and go on with the better of them until it has settled."""
     fits = [refit_with(problem, fit, probe, amplitude, rounds=6) for _, probe, amplitude in starts]
     best = min(fits, key=lambda f: float(f.cost.sum()))

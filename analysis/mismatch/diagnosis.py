@@ -18,6 +18,7 @@ from analysis.mismatch.position_channel import PositionFinding, look_at_position
 from analysis.mismatch.problem import Problem
 from analysis.mismatch.search import REPEATS, Named, search
 from analysis.mismatch.signatures import Probe, accumulate
+from analysis.mismatch.single_trials import search_few
 from analysis.mismatch.start import start_own, start_rigid, start_tissue
 from analysis.mismatch.strays import Stray, find_strays
 from analysis.simulation.cells import CellTrial
@@ -120,7 +121,8 @@ def diagnose(intake: Intake, *, baseline: str = "ramp", seed: int = 0) -> Diagno
     problem = weighed(trials, noise)
     fit = problem.fit(fit.simulation, fit.own)
     ramp = _finite_ramp(problem, fit, rng) if step else None
-    named = search(problem, fit if ramp is None else ramp.fit, rng)
+    search_all = search if len(trials) >= REPEATS else search_few
+    named = search_all(problem, fit if ramp is None else ramp.fit, rng)
     measured = noise_of(problem, named.fits[-1]) if named.chosen else noise
     if weighs_otherwise(noise, measured, trials[0].sample_rate_hz):
         # large effects had been taken for noise: search again without them in it
@@ -129,7 +131,7 @@ def diagnose(intake: Intake, *, baseline: str = "ramp", seed: int = 0) -> Diagno
         fit = problem.fit(fit.simulation, fit.own)
         if ramp is not None:
             ramp = _finite_ramp(problem, fit, rng)
-        named = search(problem, fit if ramp is None else ramp.fit, rng)
+        named = search_all(problem, fit if ramp is None else ramp.fit, rng)
     if ramp is not None:
         named = replace(
             named,

@@ -7,6 +7,9 @@ import numpy as np
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Values
 
+SHARE_OF_PEAK = 0.1
+"""A probe's pull-off (mN) is at most so much of the largest force (mN) for every mN of it."""
+
 
 class Adhesion(Mechanism):
     """On the retract F_t goes down to -``pull_off_mn`` before contact is lost.
@@ -35,6 +38,13 @@ class Adhesion(Mechanism):
     words = "on the way back the skin clings to the punch and pulls before it lets go"
     source = "pull-off of an adhering flat punch"
     separated_by = "talcum on the punch"
+
+    def probe_settings(self, peak_force_mn: float) -> tuple[Values, ...]:
+        """Pull-offs that are no more than a share of the largest force: on a cell it is a thousandth of a finger's."""
+        return tuple(
+            {**p, "pull_off_mn": min(p["pull_off_mn"], SHARE_OF_PEAK * p["pull_off_mn"] * peak_force_mn)}
+            for p in self.probes
+        )
 
     def contact_force_mn(
         self, trial: CellTrial, free_force_mn: FloatArray, contact_force_mn: FloatArray, p: Values

@@ -161,9 +161,9 @@ def hum_candidate(problem: Problem, fit: JointFit) -> Candidate | None:
     """Return hum of the mains, if any line stands out of its neighbourhood over all trials."""
     if any(a.mechanism.name == "mains_hum" for a in fit.simulation.additions):
         return None
-    rate = problem.trials[0].sample_rate_hz
-    grid = mains_lines(rate)
-    if not len(grid):
+    rate = problem.common_rate_hz
+    grid = mains_lines(rate) if rate is not None else np.zeros(0)
+    if rate is None or not len(grid):
         return None
     residuals = [problem.full_residual(fit, j) for j in range(len(problem.trials))]
     power = np.array([line_power(r, rate, grid) for r in residuals])

@@ -97,11 +97,15 @@ def first_noise(trials: Sequence[CellTrial]) -> float:
 
 
 def noise_of(problem: Problem, fit: JointFit) -> NoiseModel:
-    """Return the noise of a fit's residual; of one or two trials only its size, since nothing tells what repeats."""
-    if len(problem.trials) < REPEATS:
+    """Return the noise of a fit's residual.
+
+    Of one or two trials only its size, since nothing tells what repeats; so too of trials sampled differently.
+    """
+    rate = problem.common_rate_hz
+    if len(problem.trials) < REPEATS or rate is None:
         left = np.concatenate([problem.full_residual(fit, j) for j in range(len(problem.trials))])
         return NoiseModel(float(np.sqrt(np.mean(left**2))))
-    return measure_noise(quiet_residuals(problem, fit), problem.trials[0].sample_rate_hz)
+    return measure_noise(quiet_residuals(problem, fit), rate)
 
 
 def weighed(trials: Sequence[CellTrial], noise: NoiseModel) -> Problem:

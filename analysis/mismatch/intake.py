@@ -22,12 +22,13 @@ MOVES_MM = 0.002
 
 @dataclass(frozen=True)
 class Intake:
-    """Trials in cells, in the order they were recorded, and what was left out (a sentence each)."""
+    """Trials in cells, in the order they were recorded; what was left out, and what to know of the rest (sentences)."""
 
     trials: tuple[CellTrial, ...]
     left_out: tuple[str, ...]
     servo: tuple[float, float]
     punch_diameter_mm: float | None
+    notes: tuple[str, ...] = ()
 
 
 def take_in(paths: Sequence[Path], *, hold_only: bool = False) -> Intake:
@@ -90,7 +91,26 @@ def _reduce(
         )
         if head.kind == "ramp_hold_retract":
             previous = cells[-1].depth_mm
-    return Intake(tuple(cells), left_out, servo, heads[0].specimen.punch_diameter_mm)
+    return Intake(tuple(cells), left_out, servo, heads[0].specimen.punch_diameter_mm, _notes(heads))
+
+
+def _notes(heads: Sequence[Trial]) -> tuple[str, ...]:
+    """Return what a reader must know of how the trials were sampled."""
+    notes = []
+    rates = sorted({round(h.sample_rate_hz, 3) for h in heads})
+    if len(rates) > 1:
+        told = ", ".join(f"{r:.3g}" for r in rates)
+        notes.append(
+            f"The trials were sampled differently ({told} Hz); each is compared at its own rate. Their noise is taken "
+            "as white, and lines in their spectra were not looked for."
+        )
+    uneven = sum(h.native is not None for h in heads)
+    if uneven:
+        notes.append(
+            f"{uneven} of {len(heads)} recordings were not evenly sampled and are interpolated: neighbouring samples "
+            "are not independent, so errors are larger and p-values weaker than they look."
+        )
+    return tuple(notes)
 
 
 def _without_signals(trial: Trial, path: Path) -> Trial:
@@ -135,7 +155,8 @@ def check_together(trials: Sequence[Trial]) -> None:
     first = trials[0]
     for other in trials[1:]:
         pair = f"{Path(first.path).name} and {Path(other.path).name}"
-        if not np.isclose(first.sample_rate_hz, other.sample_rate_hz, rtol=1e-6):
+        imported = first.source == other.source == "imported"
+        if not imported and not np.isclose(first.sample_rate_hz, other.sample_rate_hz, rtol=1e-6):
             raise BadInputError(
                 f"{pair}: recorded at {first.sample_rate_hz:g} and {other.sample_rate_hz:g} Hz, so on different rigs; "
                 "diagnose each rig by itself"

@@ -53,7 +53,7 @@ class Look:
     """One look at a fit's residual: what is significant in it, before anything is named.
 
     ``bin_p`` (2, B): p-values of the residual's bins, plain and with depth; ``p_of`` the p-value of each
-    mechanism; ``best`` its best probes.
+    mechanism; ``best`` its best probes; ``critical`` what a law's statistic by sign-flips had to reach.
     """
 
     signatures: Signatures
@@ -63,6 +63,7 @@ class Look:
     spectra: tuple[Spectrum, ...]
     spectrum_p: FloatArray
     scans: tuple[EventScan, ...]
+    critical: float
 
     @property
     def frequency_hz(self) -> FloatArray:
@@ -128,7 +129,9 @@ def look(problem: Problem, fit: JointFit, rng: np.random.Generator) -> Look:
         p_of[scan.mechanism.name] = strict(event_p_value(scan))
     for scan, p in zip(signed, test.p_value[len(test.p_value) - len(signed) :], strict=True):
         p_of[scan.mechanism.name] = min(p_of[scan.mechanism.name], float(p))
-    return Look(signatures, p_of, best_probes(signatures), bin_p, tuple(spectra), all_spectrum_p, scans)
+    critical = test.critical(LEVEL, LAWS_SHARE)
+    best = best_probes(signatures)
+    return Look(signatures, p_of, best, bin_p, tuple(spectra), all_spectrum_p, scans, critical)
 
 
 def law_probes(trials: Sequence[CellTrial], present: Sequence[str]) -> list[Probe]:

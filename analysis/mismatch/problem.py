@@ -25,6 +25,12 @@ class Problem:
     whiteners: tuple[Whitener, ...]
     white_mn: float
 
+    @property
+    def common_rate_hz(self) -> float | None:
+        """The sample rate of all trials, None where they differ."""
+        rates = [t.sample_rate_hz for t in self.trials]
+        return rates[0] if np.allclose(rates, rates[0], rtol=1e-6) else None
+
     def fit(self, simulation: Simulation, own: Sequence[PerTrial], rounds: int = 12) -> JointFit:
         """Fit a simulation to the trials."""
         return fit_jointly(self.trials, self.whiteners, simulation, own, rounds=rounds)

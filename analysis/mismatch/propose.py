@@ -40,11 +40,11 @@ def propose(diagnosis: Diagnosis, report: Report, out: Path) -> NextExperiment |
     None too where the trials can't have come from this kind of lever, or nothing it can do would help.
     """
     items = confusable(diagnosis, report)
-    if not items or not _from_such_a_lever(diagnosis):
+    rate = diagnosis.problem.common_rate_hz
+    if not items or rate is None or not _from_such_a_lever(diagnosis):
         return None
     base, repeats = plain_study(diagnosis)
     features = study_features(diagnosis, base)
-    rate = diagnosis.problem.trials[0].sample_rate_hz
     cells = {f.name: [planned_cells(p, rate, i) for i, p in enumerate(f.trials)] for f in (base, *features)}
     judged = {
         (f.name, i): separation(diagnosis, item, cells[f.name], f.trials).repeated(

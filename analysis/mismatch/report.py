@@ -124,6 +124,7 @@ class Report:
     remainder: Remainder | None
     next_experiment: NextExperiment | None
     left_out: tuple[str, ...]
+    notes: tuple[str, ...]
     tolerance_mn: float
     seed: int
 

@@ -19,10 +19,20 @@ FLIPS = 4999
 
 @dataclass(frozen=True)
 class FlipTest:
-    """``statistic`` (M,) of each candidate and ``p_value`` (M,) over all candidates together."""
+    """``statistic`` (M,) of each candidate and ``p_value`` (M,) over all candidates together.
+
+    ``largest`` (FLIPS,) of the first family and ``smallest`` (FLIPS,) weighed share over all, both in rising order.
+    """
 
     statistic: FloatArray
     p_value: FloatArray
+    largest: FloatArray
+    smallest: FloatArray
+
+    def critical(self, level: float, share: float = 1.0) -> float:
+        """Return the statistic that a candidate of the first family needs to be significant at a level."""
+        allowed = float(np.quantile(self.smallest, level)) * share
+        return float(np.quantile(self.largest, 1.0 - min(allowed, 1.0)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +69,7 @@ def flip_test(
     smallest = np.full(FLIPS, np.inf)
     weighed = np.ones(scores.shape[1])
     at = 0
+    first: FloatArray | None = None
     for family in families or (Family(scores.shape[1], 1.0),):
         if not family.size:
             continue
@@ -67,11 +78,12 @@ def flip_test(
         flipped = signs @ unit[:, of]
         largest = np.where(one_sided[of], flipped, np.abs(flipped)).max(axis=1)
         ranked = np.sort(largest)
+        first = ranked if first is None else first
         weighed[of] = _share_beyond(ranked, observed[of]) / family.share
         np.minimum(smallest, _share_beyond(ranked, largest) / family.share, out=smallest)
     ranked = np.sort(smallest)
     p_value = (1.0 + np.searchsorted(ranked, weighed + 1e-12, side="right")) / (FLIPS + 1.0)
-    return FlipTest(observed, np.asarray(p_value))
+    return FlipTest(observed, np.asarray(p_value), np.zeros(1) if first is None else first, ranked)
 
 
 def _share_beyond(ranked: FloatArray, statistic: FloatArray) -> FloatArray:

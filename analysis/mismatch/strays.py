@@ -45,19 +45,19 @@ class Stray:
 def find_strays(problem: Problem, fit: JointFit) -> tuple[Stray, ...]:
     """Return lines and far-off samples in force and position that are left after a fit."""
     trials = problem.trials
-    rate = trials[0].sample_rate_hz
+    rate = problem.common_rate_hz
     force = [problem.full_residual(fit, j) for j in range(len(trials))]
     found: list[Stray] = []
     hums = [a.hum.frequency_hz for a in fit.simulation.additions if a.hum is not None]
     at_rest = [_kinks_taken_out(r, t) for r, t in zip(force, trials, strict=True)]
-    lines = _lines("force", at_rest, trials, rate)
+    lines = _lines("force", at_rest, trials, rate) if rate is not None else []
     # what is left of a line that was named is its remainder, not news
     found += [s for s in lines if not any(_is_of(s.frequency_hz, f) for f in hums)]
     found += _far_off("force", force, trials)
     with_command = [t for t in trials if t.has_command]
     if with_command:
         position = [_slow_taken_out(t) for t in with_command]
-        found += _lines("position", position, with_command, rate)
+        found += _lines("position", position, with_command, rate) if rate is not None else []
         found += _far_off("position", position, with_command)
     return tuple(found)
 

@@ -32,6 +32,7 @@ from analysis.mismatch.strays import Stray
 from analysis.simulation.mechanism import library
 
 SMALL_REMAINDER = 0.10
+BEGINS_IN_CONTACT = 0.02
 SERVO_EXPLAINS = 0.7
 SERVO_KNOWN = 0.3
 
@@ -110,7 +111,7 @@ def make_report(
         verdict=verdict,
         summary="",
         n_trials=len(diagnosis.problem.trials),
-        sample_rate_hz=diagnosis.problem.trials[0].sample_rate_hz,
+        sample_rate_hz=max(t.sample_rate_hz for t in diagnosis.problem.trials),
         baseline=baseline,
         mismatch=mismatch,
         mechanisms=mechanisms,
@@ -125,10 +126,26 @@ def make_report(
         remainder=remainder if verdict in ("named", "one_of") else None,
         next_experiment=next_experiment,
         left_out=diagnosis.intake.left_out,
+        notes=(*diagnosis.intake.notes, *_contact_notes(diagnosis)),
         tolerance_mn=tolerance_mn,
         seed=seed,
     )
     return replace(report, summary=wording.summary(report))
+
+
+def _contact_notes(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Return what rests on the trials beginning before contact, where they show no motion without force."""
+    pairs = zip(diagnosis.problem.trials, diagnosis.improved.own, strict=True)
+    at_once = sum(
+        t.touches and o.z0_mm <= t.begins_mm + BEGINS_IN_CONTACT * abs(t.depth_mm) for t, o in pairs
+    )
+    if not at_once:
+        return ()
+    return (
+        f"In {at_once} of {len(diagnosis.problem.trials)} trials the force changes from the first motion on. A trial "
+        "begins before contact, so the force at its beginning is taken as zero; had the punch pressed already, that "
+        "force would be a preload, and a pull on the way back none.",
+    )
 
 
 def _locate(diagnosis: Diagnosis) -> _Places:

@@ -25,6 +25,8 @@ MEDIUM_S = 0.06
 MEDIUM_CELL_S = 0.001
 MOVING_CELL_S = 0.002
 REST_CELL_S = 0.008
+REST_CELLS = 8000
+"""A recording of minutes is cut no finer at rest than into so many cells."""
 LARGEST_STEP_MM = 0.0025
 MOVING_MM_S = 0.05
 TRAVEL_MIDDLE_MM = 5.0
@@ -124,7 +126,7 @@ def _cell_starts(trial: Trial, motion: Motion, z0_mm: float, offset_mn: float) -
     """Cut the samples into cells; return the first sample of each."""
     rate, n = trial.sample_rate_hz, trial.n_samples
     speed = np.abs(motion.velocity_mm_s)
-    length = np.full(n, max(1, round(REST_CELL_S * rate)), dtype=np.int64)
+    length = np.full(n, max(1, round(max(REST_CELL_S, n / rate / REST_CELLS) * rate)), dtype=np.int64)
     length[speed > MOVING_MM_S] = max(1, round(MOVING_CELL_S * rate))
     allowed = np.maximum(1, np.floor(LARGEST_STEP_MM * rate / np.maximum(speed, 1e-9)))
     near_skin = motion.position_mm > z0_mm - 0.1

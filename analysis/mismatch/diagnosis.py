@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from analysis.mismatch.candidates import Candidate, refit_with
 from analysis.mismatch.confirm import HeldOut, held_out
 from analysis.mismatch.intake import Intake
-from analysis.mismatch.joint import Addition, JointFit, Simulation
+from analysis.mismatch.joint import TISSUE_PARAMETERS, Addition, JointFit, Simulation
 from analysis.mismatch.look import LEVEL
 from analysis.mismatch.noise import NoiseModel, Whitener, measure_noise
 from analysis.mismatch.position_channel import PositionFinding, look_at_position
@@ -32,6 +32,7 @@ ALTERNATIVES_TRIED = 6
 ABSORBED_SHARE = 0.06
 HIDDEN_STRENGTH = 6.0
 SLIGHT = 0.01
+TISSUE_NAMES = frozenset(p.name for p in TISSUE_PARAMETERS)
 
 
 @dataclass(frozen=True)
@@ -267,7 +268,11 @@ def find_absorbed(problem: Problem, fit: JointFit) -> tuple[Absorbed, ...]:
             continue
         if left > 5 * HIDDEN_STRENGTH:
             continue
-        shift = {n: 100.0 * float(signatures.absorbed[i, k]) / SLIGHT for i, n in enumerate(names[:5])}
+        shift = {
+            n: 100.0 * float(signatures.absorbed[i, k]) / SLIGHT
+            for i, n in enumerate(names)
+            if n in TISSUE_NAMES
+        }
         values = {**probe.mechanism.null, **probe.mechanism.typical}
         found.append(Absorbed(probe.mechanism, values, left / raw, shift))
     return tuple(found)

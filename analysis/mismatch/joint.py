@@ -27,6 +27,7 @@ TISSUE_PARAMETERS = (
 RIGID_PARAMETER = Parameter(BLOCK_PARAMETER, "mN/mm", RIGID_STIFFNESS_MN_PER_MM, 1e7, "log")
 Z0_STEP_MM = 5e-5
 MANY_TRIALS = 8
+BLOCKS_A_TRIAL = 40
 AT_BOUND = 1e-9
 
 
@@ -170,8 +171,8 @@ class JointFit:
 
     ``own`` holds one PerTrial a trial, ``latents`` the coefficients of its latent columns; ``cost`` is the
     whitened sum of squares of each trial, (T,); ``covariance`` (P, P) of the shared vector, from a sandwich
-    over trials. ``heldout_cost`` (T,) is each trial's cost at the shared parameters of all other trials (its own
-    parameters refitted), to the accuracy of one Gauss-Newton step.
+    over trials (over stretches of them where there are few). ``heldout_cost`` (T,) is each trial's cost at the shared
+    parameters of all other trials (its own parameters refitted), to the accuracy of one Gauss-Newton step.
     """
 
     simulation: Simulation
@@ -343,7 +344,8 @@ def _spread_over_trials(
     pinned = simulation.pinned(gradients.sum(axis=0) + known_Jr, trials)
     # what is known beforehand of a parameter leaves it as unsure as it is, at its bound or not
     free = ~pinned | (np.diag(known_JJ) > 0)
-    spread = gradients.T @ gradients * (n / (n - 1)) + known_JJ if n >= MANY_TRIALS else hessian
+    units = gradients if n >= MANY_TRIALS else np.concatenate([_block_gradients(line) for line in lines])
+    spread = units.T @ units * (len(units) / (len(units) - 1)) + known_JJ
     inverse = np.linalg.pinv(hessian[np.ix_(free, free)], rcond=1e-13, hermitian=True)
     covariance = np.zeros_like(hessian)
     covariance[np.ix_(free, free)] = inverse @ spread[np.ix_(free, free)] @ inverse
@@ -355,6 +357,13 @@ def _spread_over_trials(
         step = np.linalg.pinv((hessian - h)[kept], rcond=1e-10, hermitian=True) @ g[~pinned]
         heldout[j] += 2.0 * float(g[~pinned] @ step) + float(step @ h[kept] @ step)
     return covariance, heldout
+
+
+def _block_gradients(line: Linearised) -> FloatArray:
+    """Return what stretches of a trial add to J'r, (B, P): what is left of an effect is correlated within them."""
+    left, _ = project_out(line.A, np.column_stack([line.r, line.J]))
+    edges = np.unique(np.linspace(0, len(line.r), BLOCKS_A_TRIAL + 1).astype(int))
+    return np.array([left[a:b, 1:].T @ left[a:b, 0] for a, b in zip(edges[:-1], edges[1:], strict=True)])
 
 
 def _kept_short(step: FloatArray, simulation: Simulation, trials: Sequence[CellTrial]) -> FloatArray:

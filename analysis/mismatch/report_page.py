@@ -18,6 +18,7 @@ _VERDICTS = {
     "one_of": "Found, but more than one mechanism would explain it",
     "unknown": "Something differs that no mechanism of the library explains",
 }
+FEWEST_HELD_OUT = 3
 _CAPTIONS = {
     "trial": "One trial. Points: recorded force; broken line: the simulation; solid line: the simulation "
     "with what was left out. Below each, what is left. Where they differ most is marked, and enlarged on the "
@@ -27,7 +28,6 @@ _CAPTIONS = {
     "window are shaded.",
     "position": "The lever's recorded position less what its nominal servo would do, averaged over trials.",
 }
-_ROUNDED_MN = 3
 
 
 def write_page(path: Path, report: Report, figures: Mapping[str, Path]) -> None:
@@ -66,7 +66,9 @@ def write_page(path: Path, report: Report, figures: Mapping[str, Path]) -> None:
             for n in report.not_identifiable
         ],
         sure=_sure_rows(report),
-        chance=wording.chance(report.heldout.p_value),
+        explained=wording.percent(report.explained_share),
+        left_over=wording.force(report.remainder.rms_mn) if report.remainder else "",
+        chance=wording.chance(report.heldout.p_value) if report.n_trials >= FEWEST_HELD_OUT else "",
         separations=_separations(report),
         date=datetime.now().astimezone().strftime("%Y-%m-%d"),
         version=version("indenter"),
@@ -82,12 +84,16 @@ def _window_cells(window: Window) -> dict[str, Any]:
         "when": f"{max(window.start_s, 0.0):.3f} – {window.stop_s:.3f}",
         "mean": _signed(window.mean_residual_um, "um")
         if position
-        else _signed(window.mean_residual_mn, "mN"),
-        "rms": "" if window.rms_mn is None else f"{window.rms_mn:.{_ROUNDED_MN}g}\u00a0mN",
+        else _force(window.mean_residual_mn, signed=True),
+        "rms": _force(window.rms_mn),
         "share": f"{100 * window.share_of_mismatch:.2g} %",
         "conditions": window.conditions,
         "p": wording.chance(window.p_value),
     }
+
+
+def _force(value_mn: float | None, *, signed: bool = False) -> str:
+    return "" if value_mn is None else wording.force(value_mn, 3, signed=signed).replace(" ", "\u00a0")
 
 
 def _signed(value: float | None, unit: str) -> str:
@@ -113,7 +119,8 @@ def _tissue_rows(report: Report) -> list[dict[str, str]]:
 
 
 def _sure_rows(report: Report) -> list[dict[str, str]]:
-    compared = [("trials not fitted", report.heldout)]
+    what = "trials not fitted" if report.n_trials >= FEWEST_HELD_OUT else "the fitted trials themselves"
+    compared = [(what, report.heldout)]
     if report.heldout_condition is not None:
         compared.append(("a condition not fitted", report.heldout_condition))
     return [
@@ -121,9 +128,9 @@ def _sure_rows(report: Report) -> list[dict[str, str]]:
             "what": what,
             "scheme": c.scheme,
             "n": str(c.n_trials),
-            "before": f"{c.baseline_rms_mn:.4g}",
-            "after": f"{c.improved_rms_mn:.4g}",
-            "floor": f"{c.noise_floor_mn:.4g}",
+            "before": wording.force(c.baseline_rms_mn, 4),
+            "after": wording.force(c.improved_rms_mn, 4),
+            "floor": wording.force(c.noise_floor_mn, 4),
             "chi2": f"{c.baseline_chi2:.3f} → {c.improved_chi2:.3f}",
         }
         for what, c in compared

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.mismatch.joint import JointFit
 from analysis.mismatch.candidates import REFITTED, Candidate, best_refit, candidates
+from analysis.mismatch.joint import JointFit
 from analysis.mismatch.look import LEVEL, Look, look
 from analysis.mismatch.problem import Problem
 from analysis.mismatch.search import MOST_MECHANISMS, SINGLE_TRIAL_SHARE, Named

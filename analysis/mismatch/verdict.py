@@ -254,7 +254,10 @@ def _remainder_first(places: _Places, mismatch: tuple[Window, ...]) -> tuple[Win
     """Put the windows of what remains unexplained before those of what was found."""
     remaining = {(w.phase, round(w.start_s, 3)) for w in places.after}
     return (
-        *sorted(places.after, key=lambda w: -w.share_of_mismatch)[: located.MOST_WINDOWS],
+        *(
+            replace(w, conditions=f"{w.conditions}; left after what was found")
+            for w in sorted(places.after, key=lambda w: -w.share_of_mismatch)[: located.MOST_WINDOWS]
+        ),
         *(w for w in mismatch if (w.phase, round(w.start_s, 3)) not in remaining),
     )
 

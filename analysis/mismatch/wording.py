@@ -42,8 +42,32 @@ def symbol(name: str) -> str:
     return spoken(name)
 
 
+def scaled(value: float, unit: str) -> tuple[float, str]:
+    """Return a factor and the unit in which a value (mN or g) is read best; other units stay as they are.
+
+    Forces of other instruments are newtons of a drive or nanonewtons on a cell.
+    """
+    size = abs(value)
+    if unit == "mN" and size >= 1e3:
+        return 1e-3, "N"
+    if unit == "mN" and 0 < size < 1e-3:
+        return 1e6, "nN"
+    if unit == "g" and size >= 1e4:
+        return 1e-3, "kg"
+    return 1.0, unit
+
+
+def force(value_mn: float, digits: int = 2, *, signed: bool = False) -> str:
+    """Return a force with the unit in which it is read best."""
+    factor, unit = scaled(value_mn, "mN")
+    rounded = float(f"{value_mn * factor:.{digits}g}")
+    return f"{rounded:+g} {unit}" if signed else f"{rounded:g} {unit}"
+
+
 def with_error(q: Quantity) -> str:
     """Return value, error and unit, the value rounded to its error's second digit."""
+    factor, scaled_unit = scaled(q.value, q.unit)
+    q = Quantity(factor * q.value, factor * q.se, scaled_unit)
     unit = "" if q.unit == "1" else f" {q.unit}"
     if not np.isfinite(q.se) or q.se <= 0:
         return f"{q.value:.4g}{unit}"
@@ -129,8 +153,8 @@ def place(window: Window) -> str:
     if window.signal == "position":
         return f"{when}, the position is off by {window.mean_residual_um or 0.0:+.2g} um"
     if window.mean_residual_mn is not None and abs(window.mean_residual_mn) > 0.5 * (window.rms_mn or 0.0):
-        return f"{when}, by {window.mean_residual_mn:+.2g} mN on average"
-    return f"{when}, by {window.rms_mn or 0.0:.2g} mN rms"
+        return f"{when}, by {force(window.mean_residual_mn, signed=True)} on average"
+    return f"{when}, by {force(window.rms_mn or 0.0)} rms"
 
 
 def bias_words(report: Report, least: float = 0.01) -> str:
@@ -189,17 +213,18 @@ def _headline(report: Report) -> str:
     heldout = report.heldout
     if report.verdict == "no_mismatch":
         return (
-            f"The simulation explains {_trials(report)} to the noise ({heldout.noise_floor_mn:.2g} mN rms a "
+            f"The simulation explains {_trials(report)} to the noise ({force(heldout.noise_floor_mn)} rms a "
             "sample): nothing is missing that these recordings could show."
         )
     if report.verdict == "unknown":
         if not report.mechanisms:
             where = f" {place(report.mismatch[0])}" if report.mismatch else ""
             return f"Simulation and recordings differ{where}, and no mechanism of the library explains it."
-        names = listed([spoken(m.name) for m in report.mechanisms])
+        names = listed([f"{spoken(m.name)}{_size(m.parameters)}" for m in report.mechanisms])
         where = f" {place(report.mismatch[0])}" if report.mismatch else ""
-        found = f"{_capital(names)} {_was(report)} found"
-        return f"{found}, but something else differs{where} that no mechanism of the library explains."
+        share = f" and {'explains' if len(report.mechanisms) == 1 else 'explain'} {percent(report.explained_share)}"
+        found = f"{_capital(names)} {_was(report)} found{share} of what differed"
+        return f"{found}. What is left no mechanism of the library explains: it is largest{where}."
     names = listed([f"{spoken(m.name)}{_size(m.parameters)}" for m in report.mechanisms])
     sure = (
         f"the error on trials that were not fitted falls from {heldout.baseline_rms_mn:.3g} to "
@@ -217,6 +242,11 @@ def _headline(report: Report) -> str:
         f"The simulation left out {names}, or what looks the same in these trials ({listed(rivals, 'or')}): "
         f"{sure}."
     )
+
+
+def percent(share: float) -> str:
+    """Return a share in per cent, with the digits that tell it from all."""
+    return f"{100 * share:.{1 if share > 0.99 else 0}f} %"
 
 
 def p_words(report: Report) -> str:

@@ -32,10 +32,11 @@ def sample_noise(signal: FloatArray) -> float:
 
 
 def width_for_acceleration(position: FloatArray) -> float:
-    """Return the Gaussian width (samples) that gives the second derivative of a position (N,) the smallest error.
+    """Return the Gaussian width (samples) with which the second derivative of a position (N,) is fit to be fitted with.
 
-    Unbiased estimate of the risk: what smoothing takes from the second derivative, less what of it is noise, plus the
-    noise that stays (Stein 1981, for a linear smoother under white noise).
+    It is half of the width of the smallest error: noise averages out over a fit, what smoothing takes away does not.
+    The error is estimated without bias: what smoothing takes from the second derivative, less what of it is noise,
+    plus the noise that stays (Stein 1981, for a linear smoother under white noise).
     """
     noise = sample_noise(position)
     impulse = np.zeros(8 * int(WIDTHS_SAMPLES[-1]) + 1)
@@ -53,7 +54,7 @@ def width_for_acceleration(position: FloatArray) -> float:
         )
         if risk < smallest:
             best, smallest = width, risk
-    return best
+    return 0.5 * best
 
 
 def _second(signal: FloatArray) -> FloatArray:

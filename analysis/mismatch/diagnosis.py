@@ -17,7 +17,7 @@ from analysis.mismatch.noise import NoiseModel, Whitener, measure_noise
 from analysis.mismatch.position_channel import PositionFinding, look_at_position
 from analysis.mismatch.problem import Problem
 from analysis.mismatch.search import REPEATS, Named, search
-from analysis.mismatch.signatures import Probe, accumulate
+from analysis.mismatch.signatures import FEW_TRIALS, Probe, accumulate
 from analysis.mismatch.single_trials import search_few
 from analysis.mismatch.start import start_own, start_rigid, start_tissue
 from analysis.mismatch.strays import Stray, find_strays
@@ -126,7 +126,7 @@ def diagnose(intake: Intake, *, baseline: str = "ramp", seed: int = 0) -> Diagno
     problem = weighed(trials, noise)
     fit = problem.fit(fit.simulation, fit.own)
     ramp = _finite_ramp(problem, fit, rng) if step else None
-    search_all = search if len(trials) >= REPEATS else search_few
+    search_all = search_few if nothing_repeats(trials) else search
     named = search_all(problem, fit if ramp is None else ramp.fit, rng)
     measured = noise_of(problem, named.fits[-1]) if named.chosen else noise
     if weighs_otherwise(noise, measured, trials[0].sample_rate_hz):
@@ -159,6 +159,12 @@ def diagnose(intake: Intake, *, baseline: str = "ramp", seed: int = 0) -> Diagno
         confirmed_condition=by_condition,
         strays=find_strays(problem, named.fits[-1]),
     )
+
+
+def nothing_repeats(trials: Sequence[CellTrial]) -> bool:
+    """Tell whether trials are so few that none repeats another's condition, or too few to say what repeats."""
+    alone = len({t.condition for t in trials}) == len(trials) < FEW_TRIALS
+    return len(trials) < REPEATS or alone
 
 
 def weighs_otherwise(before: NoiseModel, after: NoiseModel, sample_rate_hz: float) -> bool:

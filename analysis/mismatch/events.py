@@ -19,6 +19,7 @@ from analysis.simulation.mechanism import Mechanism, Tissue, library
 FloatArray = NDArray[np.float64]
 
 STEP_S = 0.02
+MOST_TIMES = 1000
 EDGE_S = 0.06
 RISE_S = 0.0015
 FADING_S = 0.1
@@ -74,7 +75,7 @@ def event_rows(
 def scan_events(
     mechanism: Mechanism, trials: Sequence[CellTrial], whiteners: Sequence[Whitener], fit: JointFit
 ) -> EventScan:
-    """Score a step at every 20 ms of the hold (slip) or of all contact (artefact)."""
+    """Score a step at every 20 ms, in long holds a thousand times, of the hold (slip) or all contact (artefact)."""
     all_times, all_scores = [], []
     for j, (trial, whitener) in enumerate(zip(trials, whiteners, strict=True)):
         own, tissue = fit.own[j], fit.simulation.tissue
@@ -87,8 +88,9 @@ def scan_events(
             all_scores.append(np.zeros(0))
             continue
         t = trial.time_s[window]
-        times = np.arange(t[0] + EDGE_S, t[-1] - EDGE_S, STEP_S)
-        times = times[np.abs(times - np.interp(times, t, t)) < STEP_S]
+        step_s = max(STEP_S, float(t[-1] - t[0]) / MOST_TIMES)
+        times = np.arange(t[0] + EDGE_S, t[-1] - EDGE_S, step_s)
+        times = times[np.abs(times - np.interp(times, t, t)) < step_s]
         columns = event_rows(mechanism, trial, tissue, own, times).T
         latent = fit.simulation.latent_columns(trial, own)
         line = linearise(trial, whitener, fit.simulation, own, trials, latent, fit.latents[j])

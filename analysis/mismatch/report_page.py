@@ -18,7 +18,6 @@ _VERDICTS = {
     "one_of": "Found, but more than one mechanism would explain it",
     "unknown": "Something differs that no mechanism of the library explains",
 }
-FEWEST_HELD_OUT = 3
 _CAPTIONS = {
     "trial": "One trial. Points: recorded force; broken line: the simulation; solid line: the simulation "
     "with what was left out. Below each, what is left. Where they differ most is marked, and enlarged on the "
@@ -67,8 +66,9 @@ def write_page(path: Path, report: Report, figures: Mapping[str, Path]) -> None:
         ],
         sure=_sure_rows(report),
         explained=wording.percent(report.explained_share),
+        tolerance=wording.force(report.tolerance_mn),
         left_over=wording.force(report.remainder.rms_mn) if report.remainder else "",
-        chance=wording.chance(report.heldout.p_value) if report.n_trials >= FEWEST_HELD_OUT else "",
+        chance=wording.chance(report.heldout.p_value) if report.n_trials >= wording.FEWEST_HELD_OUT else "",
         separations=_separations(report),
         date=datetime.now().astimezone().strftime("%Y-%m-%d"),
         version=version("indenter"),
@@ -112,14 +112,16 @@ def _tissue_rows(report: Report) -> list[dict[str, str]]:
                 "label": wording.symbol(name),
                 "before": wording.with_error(before),
                 "after": wording.with_error(after),
-                "bias": f"{change:+.2g} %" if abs(change) >= 0.01 else "none",
+                "bias": wording.change_in_percent(change / 100) if abs(change) >= 0.01 else "none",
             }
         )
     return rows
 
 
 def _sure_rows(report: Report) -> list[dict[str, str]]:
-    what = "trials not fitted" if report.n_trials >= FEWEST_HELD_OUT else "the fitted trials themselves"
+    what = (
+        "trials not fitted" if report.n_trials >= wording.FEWEST_HELD_OUT else "the fitted trials themselves"
+    )
     compared = [(what, report.heldout)]
     if report.heldout_condition is not None:
         compared.append(("a condition not fitted", report.heldout_condition))

@@ -33,6 +33,8 @@ from analysis.simulation.mechanism import library
 
 SMALL_REMAINDER = 0.10
 BEGINS_IN_CONTACT = 0.02
+TOLERANCE_BELOW = 0.1
+SMALL_FORCE = 0.01
 SERVO_EXPLAINS = 0.7
 SERVO_KNOWN = 0.3
 
@@ -94,6 +96,7 @@ def make_report(
     next_experiment: NextExperiment | None = None,
 ) -> Report:
     """Put a diagnosis into the words and numbers of the report."""
+    tolerance_mn, tolerated = _tolerance(diagnosis, tolerance_mn)
     places = _locate(diagnosis)
     mechanisms = _mechanisms(diagnosis)
     remainder = _remainder(places)
@@ -126,11 +129,24 @@ def make_report(
         remainder=remainder if verdict in ("named", "one_of") else None,
         next_experiment=next_experiment,
         left_out=diagnosis.intake.left_out,
-        notes=(*diagnosis.intake.notes, *_contact_notes(diagnosis)),
+        notes=(*diagnosis.intake.notes, *_contact_notes(diagnosis), *tolerated),
         tolerance_mn=tolerance_mn,
         seed=seed,
     )
     return replace(report, summary=wording.summary(report))
+
+
+def _tolerance(diagnosis: Diagnosis, tolerance_mn: float) -> tuple[float, tuple[str, ...]]:
+    """Return what a law may leave over: less than was asked for where whole recordings lie below that."""
+    largest = max(float(np.ptp(t.force_mn)) for t in diagnosis.problem.trials)
+    if tolerance_mn < TOLERANCE_BELOW * largest:
+        return tolerance_mn, ()
+    small = SMALL_FORCE * largest
+    words = (
+        f"The tolerance of {tolerance_mn:g} mN is no less than a tenth of the largest force "
+        f"({wording.force(largest)}): a hundredth of that force is tolerated instead."
+    )
+    return small, (words,)
 
 
 def _contact_notes(diagnosis: Diagnosis) -> tuple[str, ...]:

@@ -24,6 +24,7 @@ TISSUE_WORDS = {
     "tau2_s": "tau2",
 }
 WORTH_SAYING = 0.01
+FEWEST_HELD_OUT = 3
 
 
 def spoken(name: str) -> str:
@@ -166,7 +167,7 @@ def bias_words(report: Report, least: float = 0.01) -> str:
             continue
         change = before.value / after.value - 1.0
         if abs(change) > least and abs(before.value - after.value) > 3.0 * max(after.se, 1e-12):
-            moved.append((abs(change), f"{spoken_name} by {100 * change:+.2g} %"))
+            moved.append((abs(change), f"{spoken_name} by {change_in_percent(change)}"))
     moved.sort(reverse=True)
     return listed([text for _, text in moved[:3]])
 
@@ -182,7 +183,11 @@ def summary(report: Report) -> str:
         said.append(
             f"Only {report.n_trials} trial{'s were' if report.n_trials > 1 else ' was'} given: significance "
             "rests on blocks within trials, taken as independent, and "
-            + ("nothing could be held out" if report.n_trials < 3 else "little could be held out")
+            + (
+                "nothing could be held out"
+                if report.n_trials < FEWEST_HELD_OUT
+                else "little could be held out"
+            )
             + ", so slow noise may pass for an effect; record at least 8."
         )
     if report.verdict == "no_mismatch" and report.not_identifiable:
@@ -227,8 +232,9 @@ def _headline(report: Report) -> str:
         return f"{found}. What is left no mechanism of the library explains: it is largest{where}."
     names = listed([f"{spoken(m.name)}{_size(m.parameters)}" for m in report.mechanisms])
     sure = (
-        f"the error on trials that were not fitted falls from {heldout.baseline_rms_mn:.3g} to "
-        f"{heldout.improved_rms_mn:.3g} mN rms (noise {heldout.noise_floor_mn:.3g}; p {p_words(report)})"
+        f"the error{' on trials that were not fitted' if report.n_trials >= FEWEST_HELD_OUT else ''} falls from "
+        f"{force(heldout.baseline_rms_mn, 3)} to {force(heldout.improved_rms_mn, 3)} rms "
+        f"(noise {force(heldout.noise_floor_mn, 3)}; p {p_words(report)})"
     )
     if [m.stage for m in report.mechanisms] == ["lever"] and report.mechanisms[0].name == "servo_bandwidth":
         sure = (
@@ -242,6 +248,11 @@ def _headline(report: Report) -> str:
         f"The simulation left out {names}, or what looks the same in these trials ({listed(rivals, 'or')}): "
         f"{sure}."
     )
+
+
+def change_in_percent(change: float) -> str:
+    """Return a relative change in per cent, two digits, as it is read."""
+    return f"{float(f'{100 * change:.2g}'):+g} %"
 
 
 def percent(share: float) -> str:

@@ -211,6 +211,12 @@ def condition_of(trial: Trial) -> str:
     for value, unit in ((p.depth_mm, "mm"), (p.ramp_speed_mm_s, "mm/s"), (p.hold_s, "s")):
         if value is not None:
             parts.append(f"{value:.4g} {unit}")
+    if len(parts) == 1:
+        # nothing was said of it: as it was run, coarsely, so that repeats still count as such
+        for name in ("ramp", "hold", "sweep"):
+            phase = trial.phase(name)
+            if phase is not None:
+                parts.append(f"{name} of {(phase.stop - phase.start) / trial.sample_rate_hz:.1g} s")
     return " ".join(parts)
 
 

@@ -12,8 +12,8 @@ class Stiffening(Mechanism):
     name = "stiffening"
     stage = "contact"
     parameters = (
-        Parameter("coefficient_per_mm", "1/mm", -0.3, 50.0),
-        Parameter("curvature_per_mm2", "1/mm^2", -0.5, 500.0, inner=True),
+        Parameter("coefficient_per_mm", "1/mm", -0.3, 1.0e4),
+        Parameter("curvature_per_mm2", "1/mm^2", -0.5, 1.0e8, inner=True),
     )
     amplitude = "coefficient_per_mm"
     null = {"coefficient_per_mm": 0.0, "curvature_per_mm2": 0.0}

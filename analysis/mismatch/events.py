@@ -95,11 +95,13 @@ def scan_events(
         latent = fit.simulation.latent_columns(trial, own)
         line = linearise(trial, whitener, fit.simulation, own, trials, latent, fit.latents[j])
         # an event in one trial bends the shared parameters for all: here each trial may have its own
-        basis = column_space(np.column_stack([line.A, line.J]))
-        C = whitener(columns)
+        # and only its window counts: what a contact point that is off leaves at the kink of contact is no event
+        inside = window[trial.fitted]
+        basis = column_space(np.column_stack([line.A, line.J])[inside])
+        C, r = whitener(columns)[inside], line.r[inside]
         norm2 = np.einsum("nf,nf->f", C, C) - np.sum((basis.T @ C) ** 2, axis=0)
         all_times.append(times)
-        all_scores.append(C.T @ (line.r - basis @ (basis.T @ line.r)) / np.sqrt(np.maximum(norm2, 1e-24)))
+        all_scores.append(C.T @ (r - basis @ (basis.T @ r)) / np.sqrt(np.maximum(norm2, 1e-24)))
     return EventScan(mechanism, tuple(all_times), tuple(all_scores))
 
 

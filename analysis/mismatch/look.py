@@ -36,7 +36,7 @@ from analysis.simulation.mechanism import library
 
 FloatArray = NDArray[np.float64]
 
-LEVEL = 0.01
+LEVEL = 0.006
 """Chance of a false alarm that is accepted, over all that is looked at together."""
 
 LAWS_SHARE, BINS_SHARE, SPECTRA_SHARE, EVENTS_SHARE = 0.6, 0.15, 0.2, 0.05

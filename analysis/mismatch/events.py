@@ -21,17 +21,23 @@ FloatArray = NDArray[np.float64]
 STEP_S = 0.02
 MOST_TIMES = 1000
 EDGE_S = 0.06
+FEWEST_TIMES = 10
 RISE_S = 0.0015
 FADING_S = 0.1
 
 
 @dataclass(frozen=True)
 class EventScan:
-    """Standardised scores of a step at each time: one array (times,) a trial; positive is the law's own sign."""
+    """Standardised scores of a step at each time: one array (times,) a trial; positive is the law's own sign.
+
+    ``widths``: robust spread of the scores that are left when a trial's strongest step is taken out, of each trial
+    that was scanned.
+    """
 
     mechanism: Mechanism
     times_s: tuple[FloatArray, ...]
     scores: tuple[FloatArray, ...]
+    widths: tuple[float, ...]
 
     def strongest(self) -> tuple[FloatArray, FloatArray]:
         """Return the score of largest size (T,) and its time (T,) in each trial (0, 0 where nothing was scanned)."""
@@ -77,6 +83,7 @@ def scan_events(
 ) -> EventScan:
     """Score a step at every 20 ms, in long holds a thousand times, of the hold (slip) or all contact (artefact)."""
     all_times, all_scores = [], []
+    widths: list[float] = []
     for j, (trial, whitener) in enumerate(zip(trials, whiteners, strict=True)):
         own, tissue = fit.own[j], fit.simulation.tissue
         window = trial.in_phase("hold")
@@ -89,8 +96,11 @@ def scan_events(
             continue
         t = trial.time_s[window]
         step_s = max(STEP_S, float(t[-1] - t[0]) / MOST_TIMES)
-        times = np.arange(t[0] + EDGE_S, t[-1] - EDGE_S, step_s)
-        times = times[np.abs(times - np.interp(times, t, t)) < step_s]
+        # within each stretch at rest, clear of its ends: at a kink of the motion its smoothing looks like a step
+        ends = np.flatnonzero(np.diff(t) > EDGE_S)
+        firsts, lasts = np.append(t[0], t[ends + 1]), np.append(t[ends], t[-1])
+        stretches = zip(firsts, lasts, strict=True)
+        times = np.concatenate([np.arange(a + EDGE_S, b - EDGE_S, step_s) for a, b in stretches])
         columns = event_rows(mechanism, trial, tissue, own, times).T
         latent = fit.simulation.latent_columns(trial, own)
         line = linearise(trial, whitener, fit.simulation, own, trials, latent, fit.latents[j])
@@ -99,26 +109,31 @@ def scan_events(
         inside = window[trial.fitted]
         basis = column_space(np.column_stack([line.A, line.J])[inside])
         C, r = whitener(columns)[inside], line.r[inside]
-        norm2 = np.einsum("nf,nf->f", C, C) - np.sum((basis.T @ C) ** 2, axis=0)
+        spanned = basis.T @ C
+        norm = np.sqrt(np.maximum(np.einsum("nf,nf->f", C, C) - np.sum(spanned**2, axis=0), 1e-24))
+        scores = C.T @ (r - basis @ (basis.T @ r)) / norm
         all_times.append(times)
-        all_scores.append(C.T @ (r - basis @ (basis.T @ r)) / np.sqrt(np.maximum(norm2, 1e-24)))
-    return EventScan(mechanism, tuple(all_times), tuple(all_scores))
+        all_scores.append(scores)
+        if len(scores) >= FEWEST_TIMES:
+            k = int(np.argmax(np.abs(scores)))
+            rest = scores - (C.T @ C[:, k] - spanned.T @ spanned[:, k]) / (norm * norm[k]) * scores[k]
+            widths.append(float(np.median(np.abs(rest - np.median(rest)))) / 0.6745)
+    return EventScan(mechanism, tuple(all_times), tuple(all_scores), tuple(widths))
 
 
 def event_p_value(scan: EventScan) -> float:
     """Return the chance that the strongest step of any trial is noise.
 
-    Scores are measured in units of their robust spread in the median trial, and the tail is taken an eighth wider
-    than Gaussian, so that correlated noise does not pass for an event.
+    Scores are measured in units of the median trial's width, and the tail is taken an eighth wider than Gaussian, so
+    that correlated noise does not pass for an event.
     """
-    scanned = [s for s in scan.scores if len(s) >= 10]
-    if not scanned:
+    if not scan.widths:
         return 1.0
-    # most trials are taken to be without an event: the median trial tells how wide the scores of noise are
-    spread = max(1.0, float(np.median([np.median(np.abs(s - np.median(s))) for s in scanned])) / 0.6745)
-    strongest = max(float(np.max(np.abs(s))) for s in scanned) / spread
-    looks = sum(len(s) for s in scanned)
-    return float(min(1.0, looks * erfc(strongest / 1.12 / np.sqrt(2.0))))
+    strongest = max(float(np.max(np.abs(s))) for s in scan.scores if len(s) >= FEWEST_TIMES)
+    looks = sum(len(s) for s in scan.scores)
+    return float(
+        min(1.0, looks * erfc(strongest / max(1.0, float(np.median(scan.widths))) / 1.12 / np.sqrt(2.0)))
+    )
 
 
 @dataclass(frozen=True)

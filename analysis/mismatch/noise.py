@@ -105,7 +105,7 @@ def measure_noise(residuals: Sequence[FloatArray], sample_rate_hz: float) -> Noi
     as noise.
     """
     # as long as most stretches allow: slow noise can't be told from quick in short ones
-    length = min(round(SEGMENT_S * sample_rate_hz), max(16, max(len(r) for r in residuals)))
+    length = min(round(SEGMENT_S * sample_rate_hz), max(16, *(len(r) for r in residuals)))
     spectra = [
         # the stubs know the kind of detrending as "literal"
         welch(r, sample_rate_hz, nperseg=length, detrend="linear")[1]  # type: ignore[call-overload]

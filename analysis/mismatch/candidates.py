@@ -194,7 +194,7 @@ def event_candidates(problem: Problem, fit: JointFit, seen: Look) -> list[Candid
                 )
         if not times:
             continue
-        refitted = refit_added(problem, fit, event_addition(mechanism, times), rounds=4)
+        refitted = refit_added(problem, fit, event_addition(mechanism, times), rounds=12)
         found.append(_latent_candidate(mechanism, fit, refitted, p))
     return found
 

@@ -22,6 +22,7 @@ STEP_S = 0.02
 MOST_TIMES = 1000
 EDGE_S = 0.06
 FEWEST_TIMES = 10
+STRONGEST_OF_NOISE = 2.2
 RISE_S = 0.0015
 FADING_S = 0.1
 
@@ -30,8 +31,9 @@ FADING_S = 0.1
 class EventScan:
     """Standardised scores of a step at each time: one array (times,) a trial; positive is the law's own sign.
 
-    ``widths``: robust spread of the scores that are left when a trial's strongest step is taken out, of each trial
-    that was scanned.
+    ``widths``: of each trial that was scanned, the strongest score that is left when its strongest step is taken out,
+    in units of what white noise has there. Noise that was not weighed as slow as it is has many strong steps, an event
+    is one.
     """
 
     mechanism: Mechanism
@@ -73,8 +75,11 @@ def event_rows(
     after = np.clip((trial.time_s - times_s[:, None]) / RISE_S + 0.5, 0.0, 1.0) * shape
     if mechanism.stage == "contact":
         touching = in_contact(trial, own)
-        lasting = touching | (trial.retracting & (trial.force_mn - own.offset_mn > 1.0))
-        return -after * lasting
+        force_mn = trial.force_mn - own.offset_mn
+        held_mn = float(force_mn[np.flatnonzero(touching)[-1]]) if touching.any() else 0.0
+        # what let go carries nothing on the way out either: there the loss falls with the force
+        leaving = trial.retracting * np.clip(force_mn / max(held_mn, 1e-9), 0.0, 1.0)
+        return -after * np.where(touching, 1.0, leaving)
     return surface_force(trial, tissue, own, 1e-3 * after)
 
 
@@ -117,7 +122,7 @@ def scan_events(
         if len(scores) >= FEWEST_TIMES:
             k = int(np.argmax(np.abs(scores)))
             rest = scores - (C.T @ C[:, k] - spanned.T @ spanned[:, k]) / (norm * norm[k]) * scores[k]
-            widths.append(float(np.median(np.abs(rest - np.median(rest)))) / 0.6745)
+            widths.append(float(np.max(np.abs(rest))) / STRONGEST_OF_NOISE)
     return EventScan(mechanism, tuple(all_times), tuple(all_scores), tuple(widths))
 
 

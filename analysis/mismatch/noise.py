@@ -98,14 +98,17 @@ class Whitener:
         return y[:, 0] if flat else y
 
 
-def measure_noise(residuals: Sequence[FloatArray], sample_rate_hz: float) -> NoiseModel:
+def measure_noise(
+    residuals: Sequence[FloatArray], sample_rate_hz: float, *, slow: bool = False
+) -> NoiseModel:
     """Return the noise model that fits the power spectrum of quiet stretches of residual (each (n_i,), mN).
 
     The spectrum's median over logarithmic bands is fitted, so that single lines (hum, pulse) do not count
-    as noise.
+    as noise. With ``slow`` only long stretches count, in which slow noise can be told from quick; without, segments
+    are no longer than the shortest stretch, for a mismatch not named yet is slow and would pass for noise.
     """
-    # as long as most stretches allow: slow noise can't be told from quick in short ones
-    length = min(round(SEGMENT_S * sample_rate_hz), max(16, *(len(r) for r in residuals)))
+    stretch = (max if slow else min)(len(r) for r in residuals)
+    length = min(round(SEGMENT_S * sample_rate_hz), max(16, stretch))
     spectra = [
         # the stubs know the kind of detrending as "literal"
         welch(r, sample_rate_hz, nperseg=length, detrend="linear")[1]  # type: ignore[call-overload]

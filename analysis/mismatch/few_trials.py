@@ -13,7 +13,7 @@ from analysis.mismatch.signatures import Signatures
 FloatArray = NDArray[np.float64]
 
 
-FEW_CONTRIBUTE = 7.0
+FEW_CONTRIBUTE = 12.0
 CONTRIBUTES = 0.03
 MOST_FREEDOM = 12.0
 

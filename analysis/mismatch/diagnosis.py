@@ -97,7 +97,7 @@ def first_noise(trials: Sequence[CellTrial]) -> float:
     return max(float(np.median(spread)), 1e-6 * peak)
 
 
-def noise_of(problem: Problem, fit: JointFit, *, slow: bool = False) -> NoiseModel:
+def noise_of(problem: Problem, fit: JointFit) -> NoiseModel:
     """Return the noise of a fit's residual.
 
     Of one or two trials only its size, since nothing tells what repeats; so too of trials sampled differently.
@@ -128,9 +128,9 @@ def diagnose(intake: Intake, *, baseline: str = "ramp", seed: int = 0) -> Diagno
     ramp = _finite_ramp(problem, fit, rng) if step else None
     search_all = search_few if nothing_repeats(trials) else search
     named = search_all(problem, fit if ramp is None else ramp.fit, rng)
-    measured = noise_of(problem, named.fits[-1], slow=True) if named.chosen else noise
+    measured = noise_of(problem, named.fits[-1]) if named.chosen else noise
     if weighs_otherwise(noise, measured, trials[0].sample_rate_hz):
-        # large effects had been taken for noise, or slow noise for an effect: search again with what is left
+        # large effects had been taken for noise: search again without them in it
         noise = measured
         problem = weighed(trials, noise)
         fit = problem.fit(fit.simulation, fit.own)

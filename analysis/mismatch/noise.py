@@ -98,17 +98,14 @@ class Whitener:
         return y[:, 0] if flat else y
 
 
-def measure_noise(
-    residuals: Sequence[FloatArray], sample_rate_hz: float, *, slow: bool = False
-) -> NoiseModel:
+def measure_noise(residuals: Sequence[FloatArray], sample_rate_hz: float) -> NoiseModel:
     """Return the noise model that fits the power spectrum of quiet stretches of residual (each (n_i,), mN).
 
     The spectrum's median over logarithmic bands is fitted, so that single lines (hum, pulse) do not count
-    as noise. With ``slow`` only long stretches count, in which slow noise can be told from quick; without, segments
-    are no longer than the shortest stretch, for a mismatch not named yet is slow and would pass for noise.
+    as noise. Segments are no longer than the shortest stretch: a mismatch not named yet is slow, and would pass
+    for noise in long ones.
     """
-    stretch = (max if slow else min)(len(r) for r in residuals)
-    length = min(round(SEGMENT_S * sample_rate_hz), max(16, stretch))
+    length = min(round(SEGMENT_S * sample_rate_hz), max(16, min(len(r) for r in residuals)))
     spectra = [
         # the stubs know the kind of detrending as "literal"
         welch(r, sample_rate_hz, nperseg=length, detrend="linear")[1]  # type: ignore[call-overload]

@@ -5,34 +5,33 @@ contiguous signals filled with NaN. From then on HDF5 is not used: chunks, phase
 as plain bytes at known offsets inside those datasets. A process that is killed leaves what it has written
 in the system's page cache, and the structure was never half-changed, so that any HDF5 program opens the
 file at any moment; what is not written yet is NaN. Signals that outgrow their capacity, and anything that
-changes the structure, go through a whole new file that takes the old one's place in one step.
+changes the structure, go through a whole new file that takes the old one's place in one step; chunks go on
+being written to the old one until then.
 """
 
 from __future__ import annotations
 
-import os
 import sys
+import threading
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from datetime import datetime
-from io import FileIO
 from pathlib import Path
 from types import TracebackType
-from typing import Any
 from uuid import uuid4
 
 import h5py
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from analysis.errors import BadInputError
 from analysis.recordings.checks import phases_problem
 from analysis.recordings.layout import SIGNALS
-from analysis.recordings.locking import lock
+from analysis.recordings.running_file import RunningFile
 from analysis.recordings.trial import (
     Calibration,
     Event,
-    FloatArray,
     Kind,
     Phase,
     ProtocolSummary,
@@ -84,7 +83,9 @@ class TrialWriter:
 
     `max_samples` is the capacity reserved at once; a longer trial moves to a file of twice the capacity.
     As a context manager it finishes as ``aborted`` on an exception. Every append is on its way to disk
-    when it returns. Raises BadInputError where the file exists already or can't be made.
+    when it returns. One thread may append while another does the rest, up to `finish`: no append waits
+    for a change of the structure that the other makes. Raises BadInputError where the file exists already
+    or can't be made.
     """
 
     def __init__(self, path: Path, header: TrialHeader, max_samples: int, *, commanded: bool = True) -> None:
@@ -98,8 +99,10 @@ class TrialWriter:
         self._names = SIGNALS if commanded else SIGNALS[:2]
         self._capacity = max(1, int(max_samples))
         self._event_capacity = _EVENT_ROWS
-        self._bytes: FileIO | None = None
-        self._offsets: dict[str, int] = {}
+        self._file: RunningFile | None = None
+        # who takes both takes the first one first
+        self._shaping = threading.RLock()
+        self._appending = threading.Lock()
         self._create()
 
     def append(self, position_v: ArrayLike, force_v: ArrayLike, command_v: ArrayLike | None = None) -> None:
@@ -113,31 +116,47 @@ class TrialWriter:
             raise ValueError("a chunk holds NaN or infinite samples")
         if self.n_samples + n > self._capacity:
             self._restructure(max(2 * self._capacity, self.n_samples + n))
-        for name, chunk in zip(self._names, chunks, strict=True):
-            self._put(self._offsets[name] + 8 * self.n_samples, chunk)
-        self.n_samples += n
+        with self._appending:
+            file = self._running()
+            for name, chunk in zip(self._names, chunks, strict=True):
+                file.write(name, chunk, self.n_samples)
+            self.n_samples += n
+
+    def drop_after(self, n_samples: int) -> None:
+        """Keep only so many samples; for what was recorded beyond the end of the trial."""
+        self.n_samples = min(self.n_samples, n_samples)
+
+    def correct_command(self, command_v: ArrayLike) -> None:
+        """Replace the command from the first sample on, (n,), V, of samples appended already."""
+        values = np.ascontiguousarray(command_v, dtype=np.float64)
+        if values.size > self.n_samples or not np.isfinite(values).all():
+            raise ValueError("the command to put in place is longer than the recording, or holds NaN")
+        self._running().write(SIGNALS[2], values)
 
     def set_phases(self, phases: Sequence[Phase]) -> None:
         """Replace the phases known so far; they may reach beyond the samples written so far."""
         problem = phases_problem(phases, np.iinfo(np.int64).max)
         if problem or len(phases) > _PHASE_ROWS:
             raise ValueError(f"phases: {problem or f'more than {_PHASE_ROWS}'}")
-        self.phases = tuple(phases)
-        self._put(self._offsets["phases"], phase_rows(self.phases, _PHASE_ROWS))
+        with self._shaping:
+            self.phases = tuple(phases)
+            self._running().write("phases", phase_rows(self.phases, _PHASE_ROWS))
 
     def add_event(self, event: Event) -> None:
         """Add an event; while the trial runs its message is kept to 240 bytes, in full once finished."""
-        self.events = (*self.events, event)
-        if len(self.events) > self._event_capacity:
-            self._event_capacity *= 2
-            self._restructure(self._capacity)
-        row = event_rows([_shortened(event)], message_width=_MESSAGE_BYTES)
-        self._put(self._offsets["events"] + row.nbytes * (len(self.events) - 1), row)
+        with self._shaping:
+            self.events = (*self.events, event)
+            if len(self.events) > self._event_capacity:
+                self._event_capacity *= 2
+                self._restructure()
+            row = event_rows([_shortened(event)], message_width=_MESSAGE_BYTES)
+            self._running().write("events", row, len(self.events) - 1)
 
     def set_surface(self, surface: Surface) -> None:
         """Say where the skin was found."""
-        self.surface = surface
-        self._restructure(self._capacity)
+        with self._shaping:
+            self.surface = surface
+            self._restructure()
 
     def add_log(self, line: str) -> None:
         """Add a line to the log; it is written when the trial is finished."""
@@ -149,13 +168,12 @@ class TrialWriter:
         Phases are cut to the samples written. Without a single sample the file is removed and
         BadInputError says so.
         """
-        if self._bytes is None:
-            raise ValueError(f"{self.path}: the trial is finished already")
+        file = self._running()
         if not self.n_samples:
             self._close()
             self.path.unlink(missing_ok=True)
             raise BadInputError(f"{self.path}: nothing was recorded, no file is left: start the trial again")
-        channels = {name: self._read(name) for name in self._names}
+        channels = {name: file.read(name, 0, self.n_samples) for name in self._names}
         trial = replace(
             self._trial(status, reason),
             position_v=channels["position_v"],
@@ -173,7 +191,7 @@ class TrialWriter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if self._bytes is None:
+        if self._file is None:
             return
         if error is None:
             self.finish()
@@ -214,41 +232,47 @@ class TrialWriter:
         check_attributes(self.path, self._trial("running"))
         try:
             with replacing(self.path, exclusive=True, finished=False) as part:
-                offsets = self._structure(part)
+                offsets = self._structure(part, self._capacity)
         except FileExistsError as error:
             raise BadInputError(f"{self.path}: exists already: a trial never overwrites another") from error
         except OSError as error:
             reason = error.strerror or str(error)
             raise BadInputError(f"{self.path}: can't be made ({reason}): check the folder") from error
-        self._offsets = offsets
-        self._bytes = _opened(self.path)
+        self._file = RunningFile(self.path, offsets)
 
-    def _restructure(self, capacity: int) -> None:
-        """Move to a new file of that capacity; the old one stands until the new one is whole."""
-        if self._bytes is None:
-            raise ValueError(f"{self.path}: the trial is finished already")
-        self._capacity = capacity
-        with replacing(self.path, finished=False) as part:
-            offsets = self._structure(part)
-            new = _opened(part)  # locked before it takes its place, so that the trial is never without
-            try:
-                self._copy_samples(new, offsets)
-            except OSError:
-                new.close()
-                raise
-            self._close()
+    def _restructure(self, capacity: int = 0) -> None:
+        """Move to a new file of that capacity at least; the old one stands until the new one is whole."""
+        with self._shaping, ExitStack() as held:
+            old = self._running()
+            capacity = max(capacity, self._capacity)
+            with replacing(self.path, finished=False) as part:
+                offsets = self._structure(part, capacity)
+                new = RunningFile(part, offsets)  # locked before it takes its place: never without
+                unless_done = held.enter_context(ExitStack())
+                unless_done.callback(new.close)
+                copied = self._copy_samples(old, new, 0)
+                # what came meanwhile is little; nothing is appended from here until the new file stands
+                held.enter_context(self._appending)
+                self._copy_samples(old, new, copied)
+                if sys.platform == "win32":
+                    self._close()  # an open file can't be moved there
+                    new.close()
             if sys.platform == "win32":
-                new.close()  # an open file can't be moved there
-        self._offsets = offsets
-        self._bytes = _opened(self.path) if new.closed else new
+                new = RunningFile(self.path, offsets)
+            self._file, self._capacity = new, capacity
+            unless_done.pop_all()
+        old.close()
 
-    def _copy_samples(self, new: FileIO, offsets: dict[str, int]) -> None:
+    def _copy_samples(self, old: RunningFile, new: RunningFile, first: int) -> int:
+        """Copy the samples from `first` on; return the number of the first that was not there yet."""
+        end = self.n_samples
         for name in self._names:
-            for start in range(0, self.n_samples, _COPY_SAMPLES):
-                block = self._read(name, start, min(_COPY_SAMPLES, self.n_samples - start))
-                _write_at(new, offsets[name] + 8 * start, block)
+            for start in range(first, end, _COPY_SAMPLES):
+                stop = min(start + _COPY_SAMPLES, end)
+                new.write(name, old.read(name, start, stop), start)
+        return end
 
-    def _structure(self, part: Path) -> dict[str, int]:
+    def _structure(self, part: Path, capacity: int) -> dict[str, int]:
         """Write everything but the samples, and return the offset of each dataset's bytes."""
         with h5py.File(part, "w", libver="earliest") as file:
             write_attributes(file, self._trial("running"))
@@ -256,51 +280,24 @@ class TrialWriter:
             events = [_shortened(event) for event in self.events]
             file["events"] = event_rows(events, self._event_capacity, _MESSAGE_BYTES)
             for name in self._names:
-                dataset = file["signals"].create_dataset(name, (self._capacity,), dtype="<f8")
-                for start in range(0, self._capacity, _COPY_SAMPLES):
-                    stop = min(start + _COPY_SAMPLES, self._capacity)
+                dataset = file["signals"].create_dataset(name, (capacity,), dtype="<f8")
+                for start in range(0, capacity, _COPY_SAMPLES):
+                    stop = min(start + _COPY_SAMPLES, capacity)
                     dataset[start:stop] = np.full(stop - start, np.nan)
             file.flush()
             datasets = {name: file["signals"][name] for name in self._names}
             datasets |= {"phases": file["phases"], "events": file["events"]}
             return {name: int(dataset.id.get_offset()) for name, dataset in datasets.items()}
 
-    def _put(self, offset: int, values: NDArray[Any]) -> None:
-        if self._bytes is None:
+    def _running(self) -> RunningFile:
+        if self._file is None:
             raise ValueError(f"{self.path}: the trial is finished already")
-        _write_at(self._bytes, offset, values)
-
-    def _read(self, name: str, start: int = 0, count: int | None = None) -> FloatArray:
-        assert self._bytes is not None
-        count = self.n_samples if count is None else count
-        self._bytes.seek(self._offsets[name] + 8 * start)
-        values = np.empty(count, dtype="<f8")
-        view = values.data.cast("B")
-        filled = 0
-        while filled < len(view):
-            got = self._bytes.readinto(view[filled:])
-            if not got:
-                raise OSError(f"{self.path}: was cut short by another program while it was written")
-            filled += got
-        return values
+        return self._file
 
     def _close(self) -> None:
-        if self._bytes is not None:
-            self._bytes.close()
-            self._bytes = None
-
-
-def _opened(path: Path) -> FileIO:
-    file = path.open("rb+", buffering=0)
-    lock(file)
-    return file
-
-
-def _write_at(file: FileIO, offset: int, values: NDArray[Any]) -> None:
-    file.seek(offset, os.SEEK_SET)
-    view = values.view(np.uint8).data
-    while view:
-        view = view[file.write(view) :]
+        if self._file is not None:
+            self._file.close()
+            self._file = None
 
 
 def _shortened(event: Event) -> Event:

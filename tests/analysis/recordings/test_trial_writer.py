@@ -7,7 +7,9 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import h5py
 import numpy as np
@@ -77,6 +79,54 @@ def test_a_trial_may_outgrow_its_capacity(tmp_path, a_header):
     assert [event.message for event in trial.events] == [str(i) for i in range(300)]
 
 
+def test_chunks_go_on_while_the_structure_changes(tmp_path, a_header):
+    """One thread appends, beyond the capacity as well, while another finds the surface and notes events."""
+    appended = 0
+    done = threading.Event()
+
+    def append() -> None:
+        nonlocal appended
+        while not done.is_set():
+            i = np.arange(appended, appended + 40.0)
+            writer.append(i, -i, 2 * i)
+            appended += 40
+
+    with TrialWriter(tmp_path / "t.h5", a_header(), 800) as writer, ThreadPoolExecutor(1) as other:
+        appending = other.submit(append)
+        try:
+            for i in range(25):
+                writer.set_surface(Surface(5.0, i, 2.0, 10.0))
+                writer.set_phases((Phase("approach", 0, i + 1),))
+                for j in range(10):
+                    writer.add_event(Event(i, "tick", f"{i} {j}"))
+                running = read_trial(tmp_path / "t.h5")
+                assert running.phases == (Phase("approach", 0, i + 1),)
+                assert len(running.events) == 10 * (i + 1)
+        finally:
+            done.set()
+        appending.result()
+    trial = read_trial(tmp_path / "t.h5")
+    assert trial.n_samples == appended
+    np.testing.assert_array_equal(trial.position_v, np.arange(appended))
+    np.testing.assert_array_equal(trial.force_v, -np.arange(appended))
+    np.testing.assert_array_equal(trial.command_v, 2 * np.arange(appended))
+
+
+def test_a_chunk_does_not_wait_for_the_structure(tmp_path, a_header, monkeypatch):
+    appended = threading.Event()
+    with TrialWriter(tmp_path / "t.h5", a_header(), 10) as writer, ThreadPoolExecutor(1) as other:
+        structure = writer._structure
+
+        def slow(*args):
+            other.submit(writer.append, [1.0], [2.0], [3.0]).add_done_callback(lambda _: appended.set())
+            assert appended.wait(10)
+            return structure(*args)
+
+        monkeypatch.setattr(writer, "_structure", slow)
+        writer.set_surface(Surface(5.0, 0, 2.0, 10.0))
+    assert read_trial(tmp_path / "t.h5").n_samples == 1
+
+
 def test_without_a_command_channel(tmp_path, a_header):
     with TrialWriter(tmp_path / "t.h5", a_header(), 10, commanded=False) as writer:
         writer.append([1.0, 2.0], [3.0, 4.0])
@@ -124,6 +174,11 @@ def test_wrong_chunks_and_phases_are_refused_and_do_no_harm(tmp_path, a_header):
         for phases in ((Phase("wait", 0, 1),), (Phase("hold", 5, 1),), (Phase("hold", 0, 1),) * 40):
             with pytest.raises(ValueError, match="phases"):
                 writer.set_phases(phases)
+        writer.append([1.0, 1.0], [2.0, 2.0], [3.0, 3.0])
+        writer.drop_after(1)
+        for command_v in ([1.0, 2.0], [np.nan]):
+            with pytest.raises(ValueError, match="command"):
+                writer.correct_command(command_v)
     with pytest.raises(ValueError, match="finished already"):
         writer.finish()
     with pytest.raises(ValueError, match="finished already"):

@@ -1,4 +1,4 @@
-"""Samples of one trial on their way: from the lever to the file and to whoever follows the run."""
+"""Samples of one trial as the program acts on them, and what it notes beside them in the file."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ _AFTER_LIMIT_S = 0.3
 
 
 class Recorder:
-    """Takes every sample of a trial once, in order.
+    """Takes every sample of a trial once, in order; the file gets them on a road of its own (`Filing`).
 
     `check` is called before each read and may raise to end the trial; `follow` is handed every chunk.
-    Where nothing has to be noticed at once, `read_s` are read and written at a time: what a kill may cost.
+    Where nothing has to be noticed at once, `read_s` are read at a time.
     """
 
     def __init__(
@@ -38,6 +38,7 @@ class Recorder:
         self._read_samples = max(1, int(read_s * lever.sample_rate_hz))
         self._position_mm = np.empty(0)
         self._force_mn = np.empty(0)
+        self._command_v = np.empty(0)
         self._phases: list[Phase] = []
         self.n = 0
 
@@ -51,8 +52,13 @@ class Recorder:
         """Forces of the trial so far, (n,), mN."""
         return self._force_mn[: self.n]
 
+    @property
+    def command_v(self) -> FloatArray:
+        """Command of the trial so far, (n,), V, as known when it was read."""
+        return self._command_v[: self.n]
+
     def take(self, n: int) -> Chunk:
-        """Read the next n samples, write them, hand them on; after a limit hit, what follows it as well."""
+        """Read the next n samples and hand them on; after a limit hit, what follows it as well."""
         self._check()
         try:
             return self._next(n)
@@ -124,7 +130,6 @@ class Recorder:
 
     def _next(self, n: int) -> Chunk:
         chunk = self._lever.read(n)
-        self._writer.append(chunk.position_v, chunk.force_v, chunk.command_v)
         self._keep(chunk)
         self._follow(chunk)
         return chunk
@@ -135,6 +140,8 @@ class Recorder:
             more = np.empty(max(needed, 2 * len(self._position_mm), 1 << 16))
             self._position_mm = np.concatenate([self.position_mm, more[self.n :]])
             self._force_mn = np.concatenate([self.force_mn, more[self.n :]])
+            self._command_v = np.concatenate([self.command_v, more[self.n :]])
         self._position_mm[self.n : needed] = chunk.position_mm
         self._force_mn[self.n : needed] = chunk.force_mn
+        self._command_v[self.n : needed] = chunk.command_v
         self.n = needed

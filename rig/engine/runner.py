@@ -11,6 +11,7 @@ from typing import Protocol
 from analysis.recordings import TrialHeader, TrialWriter
 from analysis.recordings.trial import Specimen
 from rig.engine.bench import Bench
+from rig.engine.filing import Filing
 from rig.engine.interrupts import Interrupts
 from rig.engine.motions import TrialMotions, move_to
 from rig.engine.preparing import Preparations, Prepared
@@ -111,24 +112,35 @@ class Runner:
         self._say("")
         try:
             self._go_to_start(trial)
-            with self._open(task, prepared) as writer:
+            with self._open(task, prepared) as writer, Filing(writer) as filing:
                 try:
-                    self._record(trial, writer)
+                    self._record(trial, writer, filing)
                 finally:
+                    filing.end()
                     self._leave()
         finally:
             self._leave()
         self._preparations.indentation_ended()
         return Recorded(task, prepared.mass_g)
 
-    def _record(self, trial: PlannedTrial, writer: TrialWriter) -> None:
+    def _record(self, trial: PlannedTrial, writer: TrialWriter, filing: Filing) -> None:
         lever = self._bench.lever
-        check, read_s = self._interrupts.check, self._bench.read_s
-        recorder = Recorder(lever, writer, check, self._follow, read_s=read_s)
-        lever.start_recording()
+
+        def check() -> None:
+            self._interrupts.check()
+            filing.check()
+
+        recorder = Recorder(lever, writer, check, self._follow, read_s=self._bench.read_s)
+        lever.start_recording(filing.keep)
         motions = TrialMotions(lever, recorder, enter=self._enter, say=self._say)
-        for motion in trial.motions:
-            motions.do(motion)
+        n = None
+        try:
+            for motion in trial.motions:
+                motions.do(motion)
+            n = recorder.n
+        finally:
+            # of a trial that is cut short, all that was fetched is kept
+            filing.end(n, None if lever.loopback_wired else recorder.command_v)
         if motions.surface is not None:
             self._contact_mm = motions.surface.position_mm
 

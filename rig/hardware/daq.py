@@ -39,8 +39,8 @@ FloatArray = NDArray[np.float64]
 
 _log = logging.getLogger(__name__)
 
-_WRITE_BLOCK = 100_000
-"""Samples sent at a time: 0.8 MB, below the 4 MB that a gRPC server takes in one message."""
+_WRITE_BLOCK = 8000
+"""Samples sent at a time: packing them takes under a millisecond, in which no sample can be fetched."""
 
 _CHANNEL_OPTIONS = (("grpc.enable_http_proxy", 0),)
 """A card is in the laboratory's own network: a web proxy between would only add time and failures."""
@@ -81,7 +81,10 @@ _RPC_REMEDIES: dict[grpc.StatusCode, tuple[type[CardError], str]] = {
         "another run holds the card; end it (or restart the card's server), then run again",
     ),
     grpc.StatusCode.UNIMPLEMENTED: (CardError, "the card's server is too old for this call; upgrade it"),
-    grpc.StatusCode.CANCELLED: (CardMissingError, "the connection to the card was closed; run again"),
+    grpc.StatusCode.CANCELLED: (
+        CardMissingError,
+        "the card's server closed the connection; see that it runs, then run again",
+    ),
 }
 
 

@@ -116,10 +116,15 @@ class Lever:
         """Samples fetched from the card so far, read by the program or not."""
         return 0 if self._recorder is None else self._recorder.filled
 
-    def start_recording(self) -> None:
-        """Start the inputs, which run on until `stop_recording`; sample 0 is the first after the start."""
+    def start_recording(self, keep: Callable[[Chunk], None] | None = None) -> None:
+        """Start the inputs, which run on until `stop_recording`; sample 0 is the first after the start.
+
+        ``keep`` is handed every chunk once, in order, by the reader thread as soon as it has been looked
+        at, long before `read` may ask for it: it must not wait. Where no loop-back is wired the command
+        in it may run on for some samples after a stop; that of `read` does not.
+        """
         self._refuse_while_recording()
-        self._record(self._open_input())
+        self._record(self._open_input(), keep)
 
     def read(self, n: int, timeout_s: float | None = None) -> Chunk:
         """Return the next ``n`` samples in order, waiting for them.
@@ -129,13 +134,10 @@ class Lever:
         """
         recorder = self._recording()
         start = recorder.taken
-        block = recorder.take(n, timeout_s)
+        chunk = self._chunk(start, recorder.take(n, timeout_s))
         if self.loopback_wired:
-            command_v = block[2]
-            self._drive.feed(start, command_v)
-        else:
-            command_v = self._drive.sent_v(start, start + n)
-        return Chunk(start, block[0], block[1], command_v, self.calibration)
+            self._drive.feed(start, chunk.command_v)
+        return chunk
 
     def play(self, waveform_mm: FloatArray) -> Playback:
         """Load the whole finite waveform (n,), mm, one value a sample, and start it; return at once.
@@ -234,6 +236,11 @@ class Lever:
             self._drive.rest_at(self._drive.held_v)
             recorder.stop()
 
+    def _chunk(self, start: int, block: FloatArray) -> Chunk:
+        """The chunk of samples (n_channels, n), V."""
+        command_v = block[2] if self.loopback_wired else self._drive.sent_v(start, start + block.shape[1])
+        return Chunk(start, block[0], block[1], command_v, self.calibration)
+
     def _taken(self) -> int:
         return 0 if self._recorder is None else self._recorder.taken
 
@@ -274,14 +281,22 @@ class Lever:
             buffer_samples=round(s.input_buffer_s * s.sample_rate_hz),
         )
 
-    def _record(self, source: CardInput) -> None:
+    def _record(self, source: CardInput, keep: Callable[[Chunk], None] | None = None) -> None:
+        def look(start: int, block: FloatArray) -> None:
+            try:
+                self._brake.inspect(recorder, start, block)
+            finally:
+                # the arm first; and what follows a limit hit is kept as well
+                if keep is not None:
+                    keep(self._chunk(start, block.copy()))
+
         self._brake.prepare()
         recorder = Recorder(
             source,
             rate_hz=self.sample_rate_hz,
             ring_samples=round(_RING_S * self.sample_rate_hz),
             read_samples=max(round(self._settings.read_interval_s * self.sample_rate_hz), 1),
-            inspect=lambda start, block: self._brake.inspect(recorder, start, block),
+            inspect=look,
         )
         self._recorder = recorder
         recorder.start()

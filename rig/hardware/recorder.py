@@ -18,7 +18,7 @@ FloatArray = NDArray[np.float64]
 _LATE_S = 5.0
 """How much longer than their duration samples may take before they are called late."""
 
-_POLL_S = 0.02
+_POLL_S = 0.01
 """How often the samples at hand are fetched while nobody waits for any."""
 
 _AT_ONCE = 8000

@@ -16,6 +16,7 @@ import pytest
 
 from analysis.recordings import TrialHeader, TrialWriter, read_trial
 from rig.config import parse_rig
+from rig.engine.filing import Filing
 from rig.engine.recorder import Recorder
 from rig.engine.session import open_bench
 from rig.protocols.waveforms import ramp_mm
@@ -36,9 +37,9 @@ def test_ten_minutes_without_a_gap(
             kind="air_sweep", source=bench.source, sample_rate_hz=rate, calibration=lever.calibration
         )
         n = round(60 * MINUTES * rate)
-        with TrialWriter(tmp_path / "long.h5", header, n) as writer:
-            recorder = Recorder(lever, writer, lambda: None, lambda _: None)
-            lever.start_recording()
+        with TrialWriter(tmp_path / "long.h5", header, n) as writer, Filing(writer) as filing:
+            recorder = Recorder(lever, writer, filing.check, lambda _: None)
+            lever.start_recording(filing.keep)
             began = time.monotonic()
             recorder.take_for(0.1)
             there, back = lever.commanded_mm, lever.commanded_mm + 2.0
@@ -47,6 +48,7 @@ def test_ten_minutes_without_a_gap(
                 recorder.take_until(min(n, recorder.started(playback) + playback.n + 200))
                 there, back = back, there
             took_s = time.monotonic() - began
+            filing.end(n)
             lever.retreat()
             lever.stop_recording()
     trial = read_trial(tmp_path / "long.h5")

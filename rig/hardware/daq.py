@@ -11,7 +11,7 @@ import logging
 import os
 from collections.abc import Iterator, Sequence
 from types import TracebackType
-from typing import Any, NamedTuple, Self
+from typing import Self
 
 import grpc
 import nidaqmx
@@ -25,15 +25,9 @@ from nidaqmx.stream_readers import AnalogMultiChannelReader
 from nidaqmx.stream_writers import AnalogSingleChannelWriter
 from numpy.typing import NDArray
 
-from rig.hardware.errors import (
-    CardBusyError,
-    CardError,
-    CardMissingError,
-    OutputStarvedError,
-    RateCoercedError,
-    SamplesLateError,
-    SamplesLostError,
-)
+from rig.hardware.card_server import open_channel
+from rig.hardware.errors import CardError, CardMissingError, RateCoercedError
+from rig.hardware.remedies import remedy_for_code, remedy_for_server
 
 FloatArray = NDArray[np.float64]
 
@@ -41,51 +35,6 @@ _log = logging.getLogger(__name__)
 
 _WRITE_BLOCK = 8000
 """Samples sent at a time: packing them takes under a millisecond, in which no sample can be fetched."""
-
-_CHANNEL_OPTIONS = (("grpc.enable_http_proxy", 0),)
-"""A card is in the laboratory's own network: a web proxy between would only add time and failures."""
-
-_DEADLINE_S = 30.0
-"""No call takes that long: reads are short. A server that hangs is told, not waited for."""
-
-_REMEDIES: dict[int, tuple[type[CardError], str]] = {
-    -200279: (SamplesLostError, "the computer was too slow to read; close other programs, then run again"),
-    -200361: (SamplesLostError, "the card's own memory overflowed; close other programs, then run again"),
-    -200278: (SamplesLostError, "the acquisition had already ended; run again"),
-    -200284: (SamplesLateError, "no samples came in time; check the card's cable and its sample clock"),
-    -200290: (OutputStarvedError, "the output ran dry and stopped; close other programs, then run again"),
-    -200621: (OutputStarvedError, "the output ran dry and stopped; close other programs, then run again"),
-    -50103: (CardBusyError, "another program uses the card; end it, then run again"),
-    -200089: (CardBusyError, "another run uses the card; end it, then run again"),
-    -200022: (CardBusyError, "another program uses the card; end it, then run again"),
-    -200220: (CardMissingError, "no card of that name; compare card.device in rig.toml with NI MAX"),
-    -200170: (CardMissingError, "no such channel on this card; check the channels under [card] in rig.toml"),
-    -201003: (CardMissingError, "the card is gone; check its cable and power, then run again"),
-    -88710: (CardError, "another program ended the task (the guard, if this one was silent); run again"),
-    -200088: (CardError, "another program ended the task (the guard, if this one was silent); run again"),
-    -200452: (CardError, "this card does not have that property; use a card of the S Series"),
-    -200561: (CardError, "a voltage beyond the output's range; check [calibration] in rig.toml"),
-}
-
-_RPC_REMEDIES: dict[grpc.StatusCode, tuple[type[CardError], str]] = {
-    grpc.StatusCode.UNAVAILABLE: (
-        CardMissingError,
-        "the card's server does not answer; start it and check card.address in rig.toml",
-    ),
-    grpc.StatusCode.DEADLINE_EXCEEDED: (
-        CardMissingError,
-        f"the card's server has not answered for {_DEADLINE_S:g} s; restart it, then run again",
-    ),
-    grpc.StatusCode.ALREADY_EXISTS: (
-        CardBusyError,
-        "another run holds the card; end it (or restart the card's server), then run again",
-    ),
-    grpc.StatusCode.UNIMPLEMENTED: (CardError, "the card's server is too old for this call; upgrade it"),
-    grpc.StatusCode.CANCELLED: (
-        CardMissingError,
-        "the card's server closed the connection; see that it runs, then run again",
-    ),
-}
 
 
 @contextlib.contextmanager
@@ -95,9 +44,7 @@ def _as_own_errors(doing: str) -> Iterator[None]:
     except DaqError as error:
         raise _from_daq_error(error, doing) from error
     except NidaqmxRpcError as error:
-        kind, remedy = _RPC_REMEDIES.get(
-            error.rpc_code, (CardError, "check the card's server, then run again")
-        )
+        kind, remedy = remedy_for_server(error.rpc_code)
         raise kind(f"{doing}: {_first_line(error.description)}; {remedy}") from error
     except (DaqNotFoundError, DaqNotSupportedError) as error:
         raise CardMissingError(
@@ -109,7 +56,7 @@ def _as_own_errors(doing: str) -> Iterator[None]:
 
 def _from_daq_error(error: DaqError, doing: str) -> CardError:
     code = int(error.error_code)
-    kind, remedy = _REMEDIES.get(code, (CardError, "look the code up at ni.com, then run again"))
+    kind, remedy = remedy_for_code(code)
     done = None
     if isinstance(error, DaqReadError):
         done = int(error.samps_per_chan_read)
@@ -123,25 +70,6 @@ def _first_line(text: str) -> str:
     return lines[0].rstrip(". ") if lines else "no reason given"
 
 
-class _Deadline(grpc.UnaryUnaryClientInterceptor):  # type: ignore[misc]
-    """Gives every call a deadline, which the driver's client leaves out."""
-
-    def intercept_unary_unary(self, continuation: Any, details: Any, request: Any) -> Any:
-        """Pass the call on with a deadline."""
-        return continuation(_CallDetails(details.method, details.metadata, details.credentials), request)
-
-
-class _CallDetails(NamedTuple):
-    """What a call is made with; only the deadline is not the caller's."""
-
-    method: str
-    metadata: Any
-    credentials: Any
-    timeout: float = _DEADLINE_S
-    wait_for_ready: bool | None = None
-    compression: Any = None
-
-
 class Card:
     """One card; a context manager that closes the way to it. Tasks are named after ``owner``."""
 
@@ -150,8 +78,7 @@ class Card:
         self._owner = owner
         self._channel: grpc.Channel | None = None
         if address:
-            plain = grpc.insecure_channel(address, options=_CHANNEL_OPTIONS)
-            self._channel = grpc.intercept_channel(plain, _Deadline())
+            self._channel = open_channel(address)
         self.where = f"card {device} at {address}" if address else f"card {device}"
 
     def __enter__(self) -> Self:

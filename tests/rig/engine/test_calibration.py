@@ -229,14 +229,9 @@ def test_campaign_of_200_benches(which: str, tmp_path: Path, capsys: pytest.Capt
         results.append(_calibrated(which, 1000 + seed, tmp_path / str(seed)))
         if len(results) % 20 == 0:
             with capsys.disabled():
-                worst, held = (
-                    max(abs(error) for error, _, _ in results),
-                    sum(holds for _, _, holds in results),
-                )
-                print(
-                    f"\n{which}: {len(results)} of 200, largest {worst:.2e}, {held} intervals hold",
-                    flush=True,
-                )
+                worst = max(abs(error) for error, _, _ in results)
+                n_held = sum(holds for _, _, holds in results)
+                print(f"\n{which}: {len(results)} of 200, largest {worst:.2e}, {n_held} intervals hold")
     errors = np.array([error for error, _, _ in results])
     held = float(np.mean([holds for _, _, holds in results]))
     limit = 1e-3 if which == "position" else 5e-3

@@ -40,6 +40,7 @@ class Recorder:
         self._force_mn = np.empty(0)
         self._command_v = np.empty(0)
         self._phases: list[Phase] = []
+        self._in_phase = False
         self.n = 0
 
     @property
@@ -63,6 +64,7 @@ class Recorder:
         try:
             return self._next(n)
         except LimitHit as hit:
+            self.cut_short(hit.sample)
             self.note(hit.sample, "limit", str(hit))
             self._keep_after_limit()
             raise
@@ -103,7 +105,9 @@ class Recorder:
         if self._phases:
             last = self._phases[-1]
             self._phases[-1] = Phase(last.name, last.start, max(sample, last.start))
-        self._phases.append(Phase(name, sample, max(sample, self.n)))
+        # never empty, so that after a kill the file says which phase had begun
+        self._phases.append(Phase(name, sample, max(sample + 1, self.n)))
+        self._in_phase = True
         self._writer.set_phases(self._phases)
 
     def end_phase(self, sample: int | None = None) -> None:
@@ -111,7 +115,13 @@ class Recorder:
         if self._phases:
             last = self._phases[-1]
             self._phases[-1] = Phase(last.name, last.start, self.n if sample is None else sample)
+            self._in_phase = False
             self._writer.set_phases(self._phases)
+
+    def cut_short(self, sample: int | None = None) -> None:
+        """The trial ends before its time: the phase under way, if any, ends at `sample`, or with the samples."""
+        if self._in_phase:
+            self.end_phase(max(self.n if sample is None else sample, self._phases[-1].start))
 
     def surface(self, surface: Surface) -> None:
         """Keep where the surface was found."""

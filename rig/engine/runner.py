@@ -138,6 +138,9 @@ class Runner:
             for motion in trial.motions:
                 motions.do(motion)
             n = recorder.n
+        except BaseException:
+            recorder.cut_short()
+            raise
         finally:
             # of a trial that is cut short, all that was fetched is kept
             filing.end(n, None if lever.loopback_wired else recorder.command_v)

@@ -116,6 +116,8 @@ def test_stop_and_go_on(bench: Any, witness: Any, tmp_path: Path) -> None:
     cut_off = read_trial(tmp_path / names[1])
     assert cut_off.status == "aborted"
     assert "stopped by the operator" in cut_off.status_reason
+    assert [p.name for p in cut_off.phases] == ["approach", "dwell", "ramp", "hold"]
+    assert cut_off.n_samples - cut_off.phases[-1].stop <= 0.1 * cut_off.sample_rate_hz
 
     mark_discarded(tmp_path / names[0], "the finger moved")
     seen = witness()
@@ -147,6 +149,7 @@ def test_a_limit_hit_retracts_and_is_told_in_the_file(bench_of: Callable[[str], 
         limits = [e for e in trial.events if e.kind == "limit"]
         assert len(limits) == 1
         assert limits[0].sample < trial.n_samples - 1000, "what followed is recorded too"
+        assert trial.phases[-1].stop <= limits[0].sample, "the way out belongs to no phase"
         assert np.mean(trial.force_mn[-400:]) < 10.0
         # and the bench is good for another run
         running.run(ONE.replace("depth_mm = 0.4", "depth_mm = 0.05"), tmp_path / "more")

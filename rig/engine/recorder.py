@@ -93,10 +93,11 @@ class Recorder:
             self.take(step)
         if playback.started_sample is not None:
             return playback.started_sample
+        why = "no loop-back is wired" if playback.alignment_unknown else "the loop-back does not show it"
         self.note(
             playback.expected_sample,
             "alignment",
-            "the command's place among the samples is not known exactly: no loop-back is wired",
+            f"the command's place among the samples is not known exactly: {why}",
         )
         return playback.expected_sample
 

@@ -23,7 +23,7 @@ _REACH = 8
 """Shifts tried on either side of the first guess, samples."""
 
 _PATIENCE = 1.3
-"""An unsuccessful search is repeated when there are so many times the samples."""
+"""An unsuccessful search is repeated when there are so many times the samples since the earliest start."""
 
 _HISTORY = 4096
 """Samples before the start that are used to know the rest it starts from."""
@@ -104,9 +104,10 @@ class StartFinder:
         excess = self._not_before - _HISTORY - self._begin
         if excess > 0:
             self._data, self._begin = self._data[excess:], self._begin + min(excess, len(self._data))
-        ends = self._end is not None and start + len(loopback_v) >= self._end
-        if len(self._data) >= self._next_search or ends:
-            self._next_search = int(_PATIENCE * len(self._data))
+        come = start + len(loopback_v)
+        if come >= self._next_search or come == self._end:
+            # not of all samples: a long rest before the start would put off the search beyond a short ramp
+            self._next_search = self._not_before + int(_PATIENCE * max(come - self._not_before, 0))
             self._search()
 
     def _search(self) -> None:

@@ -42,6 +42,9 @@ def test_an_indentation(bench: Any, witness: Any, tmp_path: Path) -> None:
     assert durations["hold"] == pytest.approx(0.5, abs=0.05)
     assert durations["ramp"] == pytest.approx(0.4 / 5.0, abs=0.003)
     assert trial.protocol.toml == ONE
+    assert {e.kind for e in trial.events} == {"threshold", "contact"}, (
+        "the loop-back is wired: nothing is unsure"
+    )
     assert seen.states == [
         State.PREPARING,
         State.POSITIONING,
@@ -102,11 +105,11 @@ def test_a_study_with_rests_in_no_time(bench: Any, witness: Any, tmp_path: Path)
 def test_stop_and_go_on(bench: Any, witness: Any, tmp_path: Path) -> None:
     interrupts = Interrupts()
 
-    def stop_in_the_second_hold(snapshot: Snapshot) -> None:
-        if snapshot.trial_number == 2 and snapshot.state is State.HOLDING:
+    def stop_in_the_second_dwell(snapshot: Snapshot) -> None:
+        if snapshot.trial_number == 2 and snapshot.state is State.DWELLING:
             interrupts.request()
 
-    seen = witness(at=stop_in_the_second_hold)
+    seen = witness(at=stop_in_the_second_dwell)
     with pytest.raises(Interrupted):
         bench.run(STUDY, tmp_path, witness=seen, interrupts=interrupts)
     assert seen.states[-2:] == [State.LEAVING, State.STOPPED]
@@ -116,7 +119,7 @@ def test_stop_and_go_on(bench: Any, witness: Any, tmp_path: Path) -> None:
     cut_off = read_trial(tmp_path / names[1])
     assert cut_off.status == "aborted"
     assert "stopped by the operator" in cut_off.status_reason
-    assert [p.name for p in cut_off.phases] == ["approach", "dwell", "ramp", "hold"]
+    assert [p.name for p in cut_off.phases] == ["approach", "dwell"]
     assert cut_off.n_samples - cut_off.phases[-1].stop <= 0.1 * cut_off.sample_rate_hz
 
     mark_discarded(tmp_path / names[0], "the finger moved")

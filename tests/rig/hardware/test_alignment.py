@@ -36,7 +36,7 @@ def found(volts: np.ndarray, held_v: float, not_before: int, data: np.ndarray, s
 @given(
     speed_mm_s=st.floats(0.5, 60.0),
     way_mm=st.floats(0.05, 3.0) | st.floats(-3.0, -0.05),
-    rests=st.tuples(st.integers(16, 400), st.integers(0, 300)),
+    rests=st.tuples(st.integers(16, 6000), st.integers(0, 300)),
     noise_and_offset_mv=st.tuples(st.floats(0.1, 0.5), st.floats(-5.0, 5.0)),
     seed=st.integers(0, 2**32 - 1),
 )
@@ -73,6 +73,19 @@ def test_nothing_is_claimed_while_the_output_rests(rest: int, noise_mv: float, s
     data = looped_back(still, -3.0, rest, 2000, noise_v=noise_mv / 1e3, offset_v=0.0, seed=seed)
     assert found(still, -3.0, rest, data, 80) is None
     assert found(moving, -3.0, rest, data, 80) is None
+
+
+@pytest.mark.parametrize("rest", [16, 400, 4000, 16000])
+def test_a_short_ramp_is_found_while_it_still_moves(rest: int) -> None:
+    volts = straight_mm(3.4, 3.8, speed_mm_s=5.0, rate_hz=8000.0) * VOLTS_PER_MM - 10.0
+    shift = rest + 20
+    n = shift + len(volts) // 2
+    data = looped_back(volts, float(volts[0]), shift, n, noise_v=3e-4, offset_v=1e-3, seed=1)
+    finder = StartFinder(volts, float(volts[0]), rest, LSB_V)
+    finder.feed(0, data[:rest])
+    for start in range(rest, n, 40):
+        finder.feed(start, data[start : start + 40])
+    assert finder.started_sample == shift
 
 
 def test_the_end_of_the_motion_before_does_not_mislead() -> None:

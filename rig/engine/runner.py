@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,6 +19,7 @@ from rig.engine.preparing import Preparations, Prepared
 from rig.engine.progress import Countdown, Snapshot
 from rig.engine.recorder import Recorder
 from rig.engine.states import State, StateMachine
+from rig.hardware.errors import RetreatFailedError
 from rig.hardware.lever import Chunk
 from rig.protocols.steps import Approach, Plan, PlannedTrial, Rest, Sweep
 
@@ -89,6 +91,9 @@ class Runner:
         self._snapshot = replace(self._snapshot, title=plan.title, n_trials=len(tasks), out=str(out))
         recorded: list[Recorded] = []
         try:
+            # a run before this one may have left the arm anywhere, and hands come under it now
+            with self._interrupts.shielded():
+                self._bench.lever.retreat()
             for number, task in enumerate(tasks, start=1):
                 self._snapshot = replace(self._snapshot, trial=task.trial.name, trial_number=number)
                 recorded.append(self._run_trial(task))
@@ -151,9 +156,15 @@ class Runner:
         """The one finaliser: take the arm clear of the skin; does nothing where it has been done."""
         if self._machine.state is State.LEAVING:
             return
+        began_with = sys.exception()
         with self._interrupts.shielded():
             self._enter(State.LEAVING)
-            self._bench.lever.retreat()
+            try:
+                self._bench.lever.retreat()
+            except RetreatFailedError as failure:
+                if began_with is None or isinstance(began_with, RetreatFailedError):
+                    raise
+                raise RetreatFailedError(f"{failure}; it began with: {began_with}") from failure
             self._bench.lever.stop_recording()
 
     def _go_to_start(self, trial: PlannedTrial) -> None:

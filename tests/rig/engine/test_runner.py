@@ -15,7 +15,7 @@ from rig.engine.errors import SurfaceNotFoundError
 from rig.engine.interrupts import Interrupted, Interrupts
 from rig.engine.progress import Snapshot
 from rig.engine.states import State
-from rig.hardware.errors import LimitHit
+from rig.hardware.errors import LimitHit, RetreatFailedError
 
 QUICK = "[surface]\nstart_mm = 2.5\n[indentation]\ndwell_s = 0.2\nhold_s = 0.5\n"
 ONE = 'kind = "ramp_hold_retract"\n' + QUICK + "depth_mm = 0.4\n"
@@ -156,6 +156,40 @@ def test_a_limit_hit_retracts_and_is_told_in_the_file(bench_of: Callable[[str], 
         assert np.mean(trial.force_mn[-400:]) < 10.0
         # and the bench is good for another run
         running.run(ONE.replace("depth_mm = 0.4", "depth_mm = 0.05"), tmp_path / "more")
+
+
+def test_the_arm_is_out_of_the_way_before_hands_are_asked_for(
+    bench: Any, witness: Any, tmp_path: Path
+) -> None:
+    lever = bench.bench.lever
+    bench.bench.operator.request("clear_air", {})
+    lever.start_recording()
+    playback = lever.play(np.linspace(lever.commanded_mm, 5.0, 2400))
+    while not playback.done:
+        lever.read(80)
+    lever.stop_recording()
+    assert not bench.safe
+    safe: list[bool] = []
+    seen = witness(at=lambda snapshot: safe.append(bench.safe) if snapshot.state is State.PREPARING else None)
+    bench.run(ONE, tmp_path, witness=seen)
+    assert safe
+    assert all(safe)
+
+
+def test_an_unplugged_card_is_told_with_how_it_began(
+    bench_of: Callable[[str], Any], witness: Any, tmp_path: Path
+) -> None:
+    told = "lift it by hand.*it began with.*-201003.*the card is gone"
+    with pytest.raises(RetreatFailedError, match=told), bench_of("") as running:
+
+        def unplug(snapshot: Snapshot) -> None:
+            if snapshot.state is State.HOLDING:
+                running.control.call("fault", "unplug", {})
+
+        running.run(ONE, tmp_path, witness=witness(at=unplug))
+    trial = read_trial(tmp_path / "index_0.40mm.h5")
+    assert trial.status == "aborted"
+    assert "-201003" in trial.status_reason
 
 
 def test_no_skin_is_an_error_that_leaves_the_arm_safe(bench: Any, tmp_path: Path) -> None:

@@ -40,9 +40,8 @@ def run_protocol_file(protocol: Path, *, rig: Path | None, out: Path) -> Path:
     left = standing(plan, toml, out)
     console = Console(stderr=True)
     if left.n_done:
-        console.print(
-            f"{out}: {left.n_done} of {len(plan.trials)} trials are done, going on", highlight=False
-        )
+        on = "going on" if left.tasks else "nothing is left to run"
+        console.print(f"{out}: {left.n_done} of {len(plan.trials)} trials are done, {on}", highlight=False)
     if left.tasks:
         calibration = calibration_for(settings, rig, console)
         keep_protocol(toml, out)

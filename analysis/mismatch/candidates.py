@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from analysis.mismatch.events import (
     EventAt,
+    by_chance,
     event_addition,
     refine_time,
 )
@@ -32,7 +33,7 @@ FloatArray = NDArray[np.float64]
 
 REFITTED = 7
 WORTH_REFITTING = 0.08
-EVENT_SCORE = 4.5
+EVENT_MUST_EXCEED = 4.0
 SAME_EVENT_S = 0.3
 QUICK_ABOVE_HZ = 4.0
 
@@ -187,8 +188,8 @@ def event_candidates(problem: Problem, fit: JointFit, seen: Look) -> list[Candid
         score, at = scan.strongest()
         times = {}
         for j, trial in enumerate(problem.trials):
-            wanted = score[j] >= EVENT_SCORE if mechanism.one_sided else abs(score[j]) >= EVENT_SCORE
-            if wanted:
+            size = score[j] if mechanism.one_sided else abs(score[j])
+            if size >= scan.width * np.sqrt(by_chance(len(scan.scores[j])) + EVENT_MUST_EXCEED):
                 times[trial.label] = refine_time(
                     mechanism, problem.trials, problem.whiteners[j], fit, j, float(at[j])
                 )

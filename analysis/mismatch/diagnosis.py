@@ -13,14 +13,15 @@ from analysis.mismatch.confirm import HeldOut, held_out
 from analysis.mismatch.intake import Intake
 from analysis.mismatch.joint import TISSUE_PARAMETERS, Addition, JointFit, Simulation
 from analysis.mismatch.look import LEVEL
-from analysis.mismatch.noise import NoiseModel, Whitener, measure_noise
+from analysis.mismatch.noise import NoiseModel
 from analysis.mismatch.position_channel import PositionFinding, look_at_position
-from analysis.mismatch.problem import Problem
-from analysis.mismatch.search import REPEATS, Named, search
+from analysis.mismatch.problem import REPEATS, Problem
+from analysis.mismatch.search import Named, search
 from analysis.mismatch.signatures import FEW_TRIALS, Probe, accumulate
 from analysis.mismatch.single_trials import search_few
 from analysis.mismatch.start import start_own, start_rigid, start_tissue
 from analysis.mismatch.strays import Stray, find_strays
+from analysis.mismatch.weighing import first_noise, noise_of, weighed, weighs_otherwise
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.mechanism import Mechanism, library
 from analysis.simulation.mechanisms.finite_ramp import FiniteRamp
@@ -74,46 +75,6 @@ class Diagnosis:
         return self.named.fits[-1]
 
 
-def quiet_residuals(problem: Problem, fit: JointFit) -> list[FloatArray]:
-    """Return full-rate residuals of stretches at rest, from which the noise is measured."""
-    found = []
-    for j, t in enumerate(problem.trials):
-        r = problem.full_residual(fit, j)
-        at = np.repeat(np.arange(len(t.counts)), t.counts.astype(np.int64))
-        at = at[np.repeat(t.fitted, t.counts.astype(np.int64))]
-        settle = round(0.3 * t.sample_rate_hz)
-        for name in ("dwell", "hold", "clear", "sweep"):
-            part = r[t.in_phase(name)[at]]
-            skip = 0 if name == "sweep" else min(settle, len(part) // 3)
-            if len(part) - skip >= 64:
-                found.append(part[skip:])
-    return found or [problem.full_residual(fit, j) for j in range(len(problem.trials))]
-
-
-def first_noise(trials: Sequence[CellTrial]) -> float:
-    """Return the white noise (mN) of single samples, from differences of neighbours."""
-    spread = [np.median(np.abs(np.diff(t.full_force_mn))) / 0.6745 / np.sqrt(2.0) for t in trials]
-    peak = max(float(np.ptp(t.full_force_mn)) for t in trials)
-    return max(float(np.median(spread)), 1e-6 * peak)
-
-
-def noise_of(problem: Problem, fit: JointFit) -> NoiseModel:
-    """Return the noise of a fit's residual.
-
-    Of one or two trials only its size, since nothing tells what repeats; so too of trials sampled differently.
-    """
-    rate = problem.common_rate_hz
-    if len(problem.trials) < REPEATS or rate is None:
-        left = np.concatenate([problem.full_residual(fit, j) for j in range(len(problem.trials))])
-        return NoiseModel(float(np.sqrt(np.mean(left**2))))
-    return measure_noise(quiet_residuals(problem, fit), rate)
-
-
-def weighed(trials: Sequence[CellTrial], noise: NoiseModel) -> Problem:
-    """Return the problem with its cells weighed by a noise model."""
-    return Problem(tuple(trials), tuple(Whitener(t, noise) for t in trials), noise.white_mn)
-
-
 def diagnose(intake: Intake, *, baseline: str = "ramp", seed: int = 0) -> Diagnosis:
     """Diagnose trials: locate, name, model and confirm what the baseline simulation leaves out."""
     rng = np.random.default_rng(seed)
@@ -165,13 +126,6 @@ def nothing_repeats(trials: Sequence[CellTrial]) -> bool:
     """Tell whether trials are so few that none repeats another's condition, or too few to say what repeats."""
     alone = len({t.condition for t in trials}) == len(trials) < FEW_TRIALS
     return len(trials) < REPEATS or alone
-
-
-def weighs_otherwise(before: NoiseModel, after: NoiseModel, sample_rate_hz: float) -> bool:
-    """Tell whether a noise model weighs a trial's cells otherwise than another, by more than a part in ten."""
-    frequency_hz = np.geomspace(0.1, 0.4 * sample_rate_hz, 50)
-    ratio = before.power(frequency_hz, sample_rate_hz) / after.power(frequency_hz, sample_rate_hz)
-    return bool(np.max(np.abs(np.log(ratio))) > np.log(1.1))
 
 
 def _finite_ramp(problem: Problem, fit: JointFit, rng: np.random.Generator) -> Candidate | None:

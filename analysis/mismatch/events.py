@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,8 @@ from scipy.special import erfc
 
 from analysis.mismatch.joint import Addition, JointFit, column_space, linearise, project_out
 from analysis.mismatch.noise import Whitener
-from analysis.mismatch.surface_motion import in_contact, surface_force
+from analysis.mismatch.surface_motion import in_contact, pressed, surface_force
+from analysis.mismatch.tissue_scatter import Scatter, scatter_over
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.forward import PerTrial
 from analysis.simulation.mechanism import Mechanism, Tissue, library
@@ -24,7 +25,7 @@ EDGE_S = 0.06
 FEWEST_TIMES = 10
 STRONGEST_OF_NOISE = 2.2
 RISE_S = 0.0015
-FADING_S = 0.1
+FADING_S = (0.1, 0.6)
 
 
 @dataclass(frozen=True)
@@ -33,13 +34,15 @@ class EventScan:
 
     ``widths``: of each trial that was scanned, the strongest score that is left when its strongest step is taken out,
     in units of what white noise has there. Noise that was not weighed as slow as it is has many strong steps, an event
-    is one.
+    is one. ``evidence``: twice the logarithm of the likelihood of what rest there is, with the best event in each
+    trial that is worth its time.
     """
 
     mechanism: Mechanism
     times_s: tuple[FloatArray, ...]
     scores: tuple[FloatArray, ...]
     widths: tuple[float, ...]
+    evidence: float
 
     def strongest(self) -> tuple[FloatArray, FloatArray]:
         """Return the score of largest size (T,) and its time (T,) in each trial (0, 0 where nothing was scanned)."""
@@ -50,6 +53,11 @@ class EventScan:
                 best[j], at[j] = s[k], t[k]
         return best, at
 
+    @property
+    def width(self) -> float:
+        """The median trial's width; never below 1, what white noise has."""
+        return max(1.0, float(np.median(self.widths))) if self.widths else 1.0
+
     def asymmetry(self) -> FloatArray:
         """Return max(score) - max(-score) of each trial (T,): symmetric about 0 without an event of known sign."""
         return np.array([float(s.max() - (-s).max()) if len(s) else 0.0 for s in self.scores])
@@ -58,6 +66,11 @@ class EventScan:
 def event_mechanisms() -> list[Mechanism]:
     """Return the library's events."""
     return [m for m in library().values() if m.form == "event"]
+
+
+def after(trial: CellTrial, times_s: FloatArray) -> FloatArray:
+    """Return a unit step (m, n) at each time (m,)."""
+    return np.clip((trial.time_s - times_s[:, None]) / RISE_S + 0.5, 0.0, 1.0)
 
 
 def event_rows(
@@ -72,58 +85,139 @@ def event_rows(
 
     ``shape`` (n,) multiplies the step.
     """
-    after = np.clip((trial.time_s - times_s[:, None]) / RISE_S + 0.5, 0.0, 1.0) * shape
+    stepped = after(trial, times_s) * shape
     if mechanism.stage == "contact":
         touching = in_contact(trial, own)
         force_mn = trial.force_mn - own.offset_mn
         held_mn = float(force_mn[np.flatnonzero(touching)[-1]]) if touching.any() else 0.0
         # what let go carries nothing on the way out either: there the loss falls with the force
         leaving = trial.retracting * np.clip(force_mn / max(held_mn, 1e-9), 0.0, 1.0)
-        return -after * np.where(touching, 1.0, leaving)
-    return surface_force(trial, tissue, own, 1e-3 * after)
+        return -stepped * np.where(touching, 1.0, leaving)
+    return surface_force(trial, tissue, own, 1e-3 * stepped, pressed(trial, own))
+
+
+@dataclass(frozen=True)
+class _Rest:
+    """What an event is looked for in: whitened residual r (n,), shared derivatives J (n, P), own columns out of both.
+
+    ``inside`` (N,) masks the cells that count, of those fitted; ``basis`` (n, q) spans the own columns there.
+    """
+
+    inside: NDArray[np.bool_]
+    times_s: FloatArray
+    r: FloatArray
+    J: FloatArray
+    basis: FloatArray
 
 
 def scan_events(
     mechanism: Mechanism, trials: Sequence[CellTrial], whiteners: Sequence[Whitener], fit: JointFit
 ) -> EventScan:
-    """Score a step at every 20 ms, in long holds a thousand times, of the hold (slip) or all contact (artefact)."""
-    all_times, all_scores = [], []
-    widths: list[float] = []
+    """Score a step at every 20 ms, in long holds a thousand times, of the hold (slip) or all contact (artefact).
+
+    Events in some trials bend the shared parameters for all, and trials may differ in their tissue. Steps are scored
+    beside one tissue for all, and beside tissues that scatter as these trials do; what explains more is kept.
+    """
+    rests: dict[int, _Rest] = {}
     for j, (trial, whitener) in enumerate(zip(trials, whiteners, strict=True)):
-        own, tissue = fit.own[j], fit.simulation.tissue
-        window = trial.in_phase("hold")
-        if mechanism.stage != "contact":
-            window = window | trial.in_phase("dwell")
-        window &= in_contact(trial, own) & trial.fitted
-        if trial.kind in ("air_sweep", "rigid_target") or window.sum() < 20:
-            all_times.append(np.zeros(0))
-            all_scores.append(np.zeros(0))
+        window = _event_window(mechanism, trial, fit.own[j])
+        if window.sum() < 20:
             continue
-        t = trial.time_s[window]
-        step_s = max(STEP_S, float(t[-1] - t[0]) / MOST_TIMES)
-        # within each stretch at rest, clear of its ends: at a kink of the motion its smoothing looks like a step
-        ends = np.flatnonzero(np.diff(t) > EDGE_S)
-        firsts, lasts = np.append(t[0], t[ends + 1]), np.append(t[ends], t[-1])
-        stretches = zip(firsts, lasts, strict=True)
-        times = np.concatenate([np.arange(a + EDGE_S, b - EDGE_S, step_s) for a, b in stretches])
-        columns = event_rows(mechanism, trial, tissue, own, times).T
-        latent = fit.simulation.latent_columns(trial, own)
-        line = linearise(trial, whitener, fit.simulation, own, trials, latent, fit.latents[j])
-        # an event in one trial bends the shared parameters for all: here each trial may have its own
-        # and only its window counts: what a contact point that is off leaves at the kink of contact is no event
-        inside = window[trial.fitted]
-        basis = column_space(np.column_stack([line.A, line.J])[inside])
-        C, r = whitener(columns)[inside], line.r[inside]
-        spanned = basis.T @ C
-        norm = np.sqrt(np.maximum(np.einsum("nf,nf->f", C, C) - np.sum(spanned**2, axis=0), 1e-24))
-        scores = C.T @ (r - basis @ (basis.T @ r)) / norm
-        all_times.append(times)
-        all_scores.append(scores)
-        if len(scores) >= FEWEST_TIMES:
-            k = int(np.argmax(np.abs(scores)))
-            rest = scores - (C.T @ C[:, k] - spanned.T @ spanned[:, k]) / (norm * norm[k]) * scores[k]
-            widths.append(float(np.max(np.abs(rest))) / STRONGEST_OF_NOISE)
-    return EventScan(mechanism, tuple(all_times), tuple(all_scores), tuple(widths))
+        latent = fit.simulation.latent_columns(trial, fit.own[j])
+        line = linearise(trial, whitener, fit.simulation, fit.own[j], trials, latent, fit.latents[j])
+        # only rest counts: what a contact point that is off leaves at the kink of contact is no event
+        inside = (window | trial.in_phase("dwell") | trial.in_phase("clear"))[trial.fitted]
+        basis = column_space(line.A[inside])
+        r, J = line.r[inside], line.J[inside]
+        times_s = _event_times(trial.time_s[window])
+        rests[j] = _Rest(inside, times_s, r - basis @ (basis.T @ r), J - basis @ (basis.T @ J), basis)
+    rests = dict(zip(rests, _best_at_rest(list(rests.values())), strict=True))
+    scatter = scatter_over([rest.r for rest in rests.values()], [rest.J for rest in rests.values()])
+    choices = [Scatter.none(len(scatter.spread))] + ([scatter] if scatter.gain > 0 else [])
+    scored: list[dict[int, tuple[FloatArray, float]]] = [{} for _ in choices]
+    for j, rest in rests.items():
+        rows = event_rows(mechanism, trials[j], fit.simulation.tissue, fit.own[j], rest.times_s)
+        C = whiteners[j](rows.T)[rest.inside]
+        C -= rest.basis @ (rest.basis.T @ C)
+        for choice, found in zip(choices, scored, strict=True):
+            found[j] = _scored(C, rest, choice)
+    evidence = [
+        choice.gain + sum(_worth(scores) for scores, _ in found.values())
+        for choice, found in zip(choices, scored, strict=True)
+    ]
+    best = scored[int(np.argmax(evidence))]
+    unexplained = sum(
+        float(rest.r @ rest.r) - 2.0 * float(np.sum(np.log(whiteners[j].scale[rest.inside])))
+        for j, rest in rests.items()
+    )
+    nothing = np.zeros(0)
+    return EventScan(
+        mechanism,
+        tuple(rests[j].times_s if j in rests else nothing for j in range(len(trials))),
+        tuple(best[j][0] if j in best else nothing for j in range(len(trials))),
+        tuple(width for s, width in best.values() if len(s) >= FEWEST_TIMES),
+        max(evidence) - unexplained,
+    )
+
+
+def _worth(scores: FloatArray) -> float:
+    """Return what the best of the steps gains, less what the best of so many is expected to gain by chance."""
+    return max(float(np.max(scores**2)) - by_chance(len(scores)), 0.0) if len(scores) else 0.0
+
+
+def by_chance(n_times: int) -> float:
+    """Return the squared score that the best of so many steps has by chance."""
+    return 2.0 * float(np.log(max(n_times, 1)))
+
+
+def _best_at_rest(rests: Sequence[_Rest]) -> list[_Rest]:
+    """Return the rests with the shared parameters that fit them best: what bends these in motion is no event either."""
+    if not rests:
+        return []
+    J, r = np.concatenate([rest.J for rest in rests]), np.concatenate([rest.r for rest in rests])
+    scale = np.maximum(np.linalg.norm(J, axis=0), 1e-300)
+    step = np.linalg.lstsq(J / scale, r, rcond=1e-9)[0] / scale
+    return [replace(rest, r=rest.r - rest.J @ step) for rest in rests]
+
+
+def _event_window(mechanism: Mechanism, trial: CellTrial, own: PerTrial) -> NDArray[np.bool_]:
+    """Mask (n,) of the cells in which an event is looked for."""
+    if trial.kind in ("air_sweep", "rigid_target"):
+        return np.zeros(len(trial.time_s), dtype=bool)
+    window = trial.in_phase("hold")
+    if mechanism.stage != "contact":
+        window = window | trial.in_phase("dwell")
+    return np.asarray(window & in_contact(trial, own) & trial.fitted)
+
+
+def _event_times(t: FloatArray) -> FloatArray:
+    """Return the times (m,) at which steps are tried in a window's cells at times ``t``.
+
+    Within each stretch at rest, clear of its ends: at a kink of the motion its smoothing looks like a step.
+    """
+    step_s = max(STEP_S, float(t[-1] - t[0]) / MOST_TIMES)
+    ends = np.flatnonzero(np.diff(t) > EDGE_S)
+    firsts, lasts = np.append(t[0], t[ends + 1]), np.append(t[ends], t[-1])
+    stretches = zip(firsts, lasts, strict=True)
+    return np.concatenate([np.arange(a + EDGE_S, b - EDGE_S, step_s) for a, b in stretches])
+
+
+def _scored(C: FloatArray, rest: _Rest, scatter: Scatter) -> tuple[FloatArray, float]:
+    """Return the scores (m,) of steps C (n, m) where the tissue scatters, and the width of the trial.
+
+    The scatter adds J S S' J' to the unit covariance of the whitened residual (Woodbury's identity).
+    """
+    loose = rest.J @ scatter.spread
+    factor = np.linalg.cholesky(np.eye(loose.shape[1]) + loose.T @ loose)
+    known = np.linalg.solve(factor, loose.T)
+    B = known @ C
+    norm = np.sqrt(np.maximum(np.einsum("nf,nf->f", C, C) - np.einsum("kf,kf->f", B, B), 1e-24))
+    scores = (C.T @ rest.r - B.T @ (known @ rest.r)) / norm
+    if not len(scores):
+        return scores, 0.0
+    k = int(np.argmax(np.abs(scores)))
+    left = scores - (C.T @ C[:, k] - B.T @ B[:, k]) / (norm * norm[k]) * scores[k]
+    return scores, float(np.max(np.abs(left))) / STRONGEST_OF_NOISE
 
 
 def event_p_value(scan: EventScan) -> float:
@@ -136,17 +230,15 @@ def event_p_value(scan: EventScan) -> float:
         return 1.0
     strongest = max(float(np.max(np.abs(s))) for s in scan.scores if len(s) >= FEWEST_TIMES)
     looks = sum(len(s) for s in scan.scores)
-    return float(
-        min(1.0, looks * erfc(strongest / max(1.0, float(np.median(scan.widths))) / 1.12 / np.sqrt(2.0)))
-    )
+    return float(min(1.0, looks * erfc(strongest / scan.width / 1.12 / np.sqrt(2.0))))
 
 
 @dataclass(frozen=True)
 class EventAt:
     """The columns of an event at its own time in each trial (s, by label).
 
-    Each has two: what lasts, and what is gone after a tenth of a second (skin that sticks again, a finger that swings
-    to its new place).
+    Each has three: what lasts, and what fades (skin that sticks again, a finger that swings to its new place or gives
+    way by a little).
     """
 
     mechanism: Mechanism
@@ -157,11 +249,16 @@ class EventAt:
         at = self.times_s.get(trial.label)
         if at is None:
             return np.zeros((len(trial.time_s), 0))
-        fading = np.exp(-np.maximum(trial.time_s - at, 0.0) / FADING_S)
         when = np.array([at])
         return np.column_stack(
-            [event_rows(self.mechanism, trial, tissue, own, when, shape)[0] for shape in (1.0, fading)]
+            [event_rows(self.mechanism, trial, tissue, own, when, shape)[0] for shape in courses(trial, at)]
         )
+
+
+def courses(trial: CellTrial, at_s: float) -> FloatArray:
+    """Return how an event goes on (3, n): what lasts, and what fades within a tenth of a second and some tenths."""
+    since = np.maximum(trial.time_s - at_s, 0.0)
+    return np.array([np.ones_like(since), *(np.exp(-since / tau) for tau in FADING_S)])
 
 
 def event_addition(mechanism: Mechanism, times_s: Mapping[str, float]) -> Addition:

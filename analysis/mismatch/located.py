@@ -14,6 +14,7 @@ from analysis.mismatch.position_channel import PositionFinding
 from analysis.mismatch.problem import Problem
 from analysis.mismatch.profiles import BIN_NAMES, OUTSIDE, Profiles, profile, repeatable_energy
 from analysis.mismatch.report import Window
+from analysis.mismatch.signflip import FLIPS
 from analysis.recordings.trial import PHASE_NAMES
 from analysis.simulation.cells import CellTrial
 
@@ -49,6 +50,23 @@ def residual_of(problem: Problem, fit: JointFit) -> Residual:
     return Residual(found, energy, problem.white_mn)
 
 
+def repeats_p_value(residual: Residual, rng: np.random.Generator) -> float:
+    """Return the chance that as much energy repeats by chance, by sign-flips of whole trials.
+
+    The statistic is the sum of `repeatable_energy`: of products of different trials, which flips turn about.
+    """
+    u = residual.profiles.standardised(residual.white_mn)[:, :OUTSIDE]
+    labels = np.asarray(residual.profiles.conditions)
+    same = labels[:, None] == labels[None, :]
+    alone = same.sum(axis=1) < 2
+    same |= alone[:, None] & alone[None, :]
+    np.fill_diagonal(same, False)
+    products = np.where(same, u @ u.T, 0.0) / np.maximum(same.sum(axis=1), 1)[:, None]
+    signs = rng.integers(0, 2, size=(FLIPS, len(labels))) * 2.0 - 1.0
+    flipped = np.einsum("fi,fi->f", signs @ products, signs)
+    return float((1 + np.sum(flipped >= products.sum() - 1e-12)) / (FLIPS + 1))
+
+
 def force_windows(
     trials: Sequence[CellTrial],
     residual: Residual,
@@ -64,12 +82,15 @@ def force_windows(
     that shares refer to. ``whole_p``: p-value of the residual as a whole. Where it is significant, bins whose
     repeatable energy stands far out of their scatter count too, with this p-value: an effect that lies in
     other bins in every condition (contact is lost at another depth) is unanimous in none. Windows of less
-    than a hundredth are left out (but for the largest), unless ``all_of_them``.
+    than a hundredth are left out (but for the largest), unless ``all_of_them``: then the bins that hold half of the
+    energy are where it lies, if none stands out by itself.
     """
     found = []
     significant = np.asarray(np.min(bin_p, axis=0) <= LEVEL)
     if whole_p <= LEVEL:
         significant |= standing_out(residual, total)
+        if all_of_them and not significant.any():
+            significant = _half_of(residual.energy)
     for bins in _merged(significant, residual.profiles.count.sum(axis=0)[:OUTSIDE] > 0):
         energy = max(float(residual.energy[bins].sum()), 0.0)
         samples = float(residual.profiles.count[:, bins].sum())
@@ -94,6 +115,15 @@ def force_windows(
         return tuple(found)
     kept = [w for w in found if w.share_of_mismatch >= SMALLEST_SHARE] or found[:1]
     return tuple(kept[:MOST_WINDOWS])
+
+
+def _half_of(energy: FloatArray) -> NDArray[np.bool_]:
+    """Return the fewest bins (B,) that hold half of the energy."""
+    order = np.argsort(-energy)
+    held = np.cumsum(energy[order])
+    chosen = np.zeros(len(energy), dtype=bool)
+    chosen[order[: 1 + int(np.searchsorted(held, 0.5 * max(float(energy.sum()), 0.0)))]] = True
+    return chosen
 
 
 def _merged(significant: NDArray[np.bool_], present: NDArray[np.bool_]) -> list[list[int]]:

@@ -31,6 +31,7 @@ from analysis.mismatch.problem import Problem
 from analysis.mismatch.profiles import OUTSIDE
 from analysis.mismatch.signatures import FEW_TRIALS, Probe, Signatures, accumulate
 from analysis.mismatch.signflip import Family, flip_test
+from analysis.mismatch.weighing import weighed_slow
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.mechanism import library
 
@@ -101,7 +102,12 @@ def look(problem: Problem, fit: JointFit, rng: np.random.Generator) -> Look:
     scans: tuple[EventScan, ...] = ()
     if skin:
         absent = [m for m in event_mechanisms() if m.name not in present]
-        scans = tuple(scan_events(m, problem.trials, problem.whiteners, fit) for m in absent)
+        weighings = (problem.whiteners, weighed_slow(problem, fit).whiteners)
+        # a step in noise that wanders is no event, and events are no wander: whichever explains more
+        scans = tuple(
+            max((scan_events(m, problem.trials, w, fit) for w in weighings), key=lambda s: s.evidence)
+            for m in absent
+        )
     signed = [s for s in scans if s.mechanism.one_sided and many]
     for scan in signed:
         blocks.append(scan.asymmetry()[:, None])

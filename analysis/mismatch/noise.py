@@ -19,7 +19,8 @@ from analysis.simulation.cells import CellTrial
 
 FloatArray = NDArray[np.float64]
 
-CORRELATION_TIMES_S = (4e-4, 1.6e-3, 6.4e-3, 0.0256, 0.1024, 0.41)
+CORRELATION_TIMES_S = (4e-4, 1.6e-3, 6.4e-3, 0.0256, 0.1024, 0.41, 1.6)
+TIMES_A_SEGMENT = 3.9
 SEGMENT_S = 1.6
 # A weak slow part is more likely a slow effect that has not been named yet; weighing it down would hide it. Leaving out
 # a part that is real costs some power and no validity, since significance trusts no noise model.
@@ -86,6 +87,11 @@ class Whitener:
         self._factor = (c, U, W)
         self._scale = 1.0 / np.sqrt(d)
 
+    @property
+    def scale(self) -> FloatArray:
+        """What each fitted cell is multiplied by (n,), 1/mN: the inverse of its noise, given the cells before it."""
+        return self._scale
+
     def __call__(self, columns: FloatArray) -> FloatArray:
         """Return the columns (n,) or (n, m) over the fitted cells, whitened."""
         part = columns[self._use]
@@ -98,14 +104,16 @@ class Whitener:
         return y[:, 0] if flat else y
 
 
-def measure_noise(residuals: Sequence[FloatArray], sample_rate_hz: float) -> NoiseModel:
+def measure_noise(
+    residuals: Sequence[FloatArray], sample_rate_hz: float, segment_s: float = SEGMENT_S
+) -> NoiseModel:
     """Return the noise model that fits the power spectrum of quiet stretches of residual (each (n_i,), mN).
 
     The spectrum's median over logarithmic bands is fitted, so that single lines (hum, pulse) do not count
     as noise. Segments are no longer than the shortest stretch: a mismatch not named yet is slow, and would pass
-    for noise in long ones.
+    for noise in long ones; nor than ``segment_s``, which must hold a few correlation times of the slowest part.
     """
-    length = min(round(SEGMENT_S * sample_rate_hz), max(16, min(len(r) for r in residuals)))
+    length = min(round(segment_s * sample_rate_hz), max(16, min(len(r) for r in residuals)))
     spectra = [
         # the stubs know the kind of detrending as "literal"
         welch(r, sample_rate_hz, nperseg=length, detrend="linear")[1]  # type: ignore[call-overload]
@@ -120,7 +128,7 @@ def measure_noise(residuals: Sequence[FloatArray], sample_rate_hz: float) -> Noi
     p = np.array([np.median(power[b]) for b in bands])
     f = np.array([np.mean(frequency[b]) for b in bands])
     p = np.maximum(p, 1e-12 * p.max())
-    taus = [t for t in CORRELATION_TIMES_S if t > 2.0 / sample_rate_hz]
+    taus = [t for t in CORRELATION_TIMES_S if 2.0 / sample_rate_hz < t <= segment_s / TIMES_A_SEGMENT]
     shapes = [NoiseModel(1.0).power(f, sample_rate_hz)]
     shapes += [NoiseModel(0.0, ((1.0, t),)).power(f, sample_rate_hz) for t in taus]
     basis = np.column_stack(shapes)

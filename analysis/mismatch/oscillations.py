@@ -103,7 +103,9 @@ def surface_spectrum(
             continue
         phase = 2 * np.pi * frequency_hz[:, None] * trial.time_s
         rows = np.concatenate([np.cos(phase), np.sin(phase)])
-        columns = whitener(surface_force(trial, fit.simulation.tissue, fit.own[j], rows).T)
+        columns = whitener(
+            surface_force(trial, fit.simulation.tissue, fit.own[j], rows, in_contact(trial, fit.own[j])).T
+        )
         m = len(frequency_hz)
         cosine, sine = columns[:, :m], columns[:, m:]
         of_cosine, of_sine = free.basis.T @ cosine, free.basis.T @ sine
@@ -237,7 +239,7 @@ class SurfaceOscillation:
         for h in range(1, self.harmonics + 1):
             phase = 2 * np.pi * h * f * trial.time_s
             rows += [wave * hat for hat in hats for wave in (np.cos(phase), np.sin(phase))]
-        return surface_force(trial, tissue, own, 1e-3 * np.array(rows)).T
+        return surface_force(trial, tissue, own, 1e-3 * np.array(rows), in_contact(trial, own)).T
 
 
 def surface_addition(

@@ -16,6 +16,9 @@ from analysis.simulation.forward import PerTrial
 
 FloatArray = NDArray[np.float64]
 
+REPEATS = 3
+"""Of fewer trials nothing tells what repeats and what is noise."""
+
 
 @dataclass(frozen=True)
 class Problem:

@@ -9,10 +9,9 @@ import numpy as np
 from analysis.mismatch.candidates import Candidate, candidates
 from analysis.mismatch.joint import JointFit
 from analysis.mismatch.look import Look, look
-from analysis.mismatch.problem import Problem
+from analysis.mismatch.problem import REPEATS, Problem
 from analysis.mismatch.profiles import OUTSIDE
 
-REPEATS = 3
 MOST_MECHANISMS = 4
 SHARE_EXPLAINED = (0.35, 0.6, 0.8)
 SMALL_SHARE = 0.10

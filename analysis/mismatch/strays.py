@@ -1,4 +1,4 @@
-"""What no law of the library has the shape of: lines where nothing should swing, single samples far off."""
+"""What no law of the library has the shape of: lines and tones, single samples far off, gains in a trend."""
 
 from __future__ import annotations
 
@@ -10,9 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm, poisson
 
+from analysis.mismatch.gain_step import gain_steps
 from analysis.mismatch.joint import JointFit
 from analysis.mismatch.oscillations import stray_lines
 from analysis.mismatch.problem import Problem
+from analysis.mismatch.trial_order import order_trend
+from analysis.mismatch.wandering_tone import wandering_tone
+from analysis.mismatch.weighing import quiet_residuals
 from analysis.recordings.trial import PHASE_NAMES
 from analysis.simulation.cells import MOVING_MM_S, CellTrial
 
@@ -43,7 +47,7 @@ class Stray:
 
 
 def find_strays(problem: Problem, fit: JointFit) -> tuple[Stray, ...]:
-    """Return lines and far-off samples in force and position that are left after a fit."""
+    """Return what is left after a fit in force and position that no window of the residual shows."""
     trials = problem.trials
     rate = problem.common_rate_hz
     force = [problem.full_residual(fit, j) for j in range(len(trials))]
@@ -54,12 +58,56 @@ def find_strays(problem: Problem, fit: JointFit) -> tuple[Stray, ...]:
     # what is left of a line that was named is its remainder, not news
     found += [s for s in lines if not any(_is_of(s.frequency_hz, f) for f in hums)]
     found += _far_off("force", force, trials)
+    found += _wandering(problem, fit) + _in_order(problem, fit) + _gain_steps(problem, fit)
     with_command = [t for t in trials if t.has_command]
     if with_command:
         position = [_slow_taken_out(t) for t in with_command]
         found += _lines("position", position, with_command, rate) if rate is not None else []
         found += _far_off("position", position, with_command)
     return tuple(found)
+
+
+def _wandering(problem: Problem, fit: JointFit) -> list[Stray]:
+    rate = problem.common_rate_hz
+    if rate is None:
+        return []
+    tone = wandering_tone(quiet_residuals(problem, fit), rate)
+    if tone is None or tone.p_value >= STRAY_LEVEL:
+        return []
+    words = f"a tone that wanders between {tone.lower_hz:.0f} and {tone.upper_hz:.0f} Hz"
+    return [Stray("force", words, *_longest_phase(problem.trials), tone.rms, tone.p_value)]
+
+
+def _in_order(problem: Problem, fit: JointFit) -> list[Stray]:
+    trend = order_trend(problem, fit)
+    if trend is None or trend.p_value >= STRAY_LEVEL:
+        return []
+    words = (
+        f"the force's size changes with the order of the trials, by {100 * trend.per_study:+.2g} % over all"
+    )
+    return [Stray("force", words, *_longest_phase(problem.trials), trend.rms_mn, trend.p_value)]
+
+
+def _gain_steps(problem: Problem, fit: JointFit) -> list[Stray]:
+    return [
+        Stray(
+            "force",
+            f"from one moment on all force is larger or smaller by a share, unlike {g.instead_of.replace('_', ' ')}",
+            "hold",
+            g.start_s,
+            g.stop_s,
+            g.rms_mn,
+            g.p_value,
+        )
+        for g in gain_steps(problem, fit)
+        if g.p_value < STRAY_LEVEL
+    ]
+
+
+def _longest_phase(trials: Sequence[CellTrial]) -> tuple[str, float, float]:
+    """Return the phase that most samples are in, 0, and the time at which the middle trial ends, s."""
+    longest = max(PHASE_NAMES, key=lambda name: float(trials[0].counts[trials[0].in_phase(name)].sum()))
+    return longest, 0.0, float(np.median([t.time_s[-1] for t in trials]))
 
 
 def _is_of(frequency_hz: float, hum_hz: float) -> bool:
@@ -102,9 +150,7 @@ def _lines(
         return []
     frequency, rms, p = min(lines, key=lambda line: line[2])
     words = f"a line at {frequency:.4g} Hz"
-    stop = float(np.median([t.time_s[-1] for t in trials]))
-    longest = max(PHASE_NAMES, key=lambda name: float(trials[0].counts[trials[0].in_phase(name)].sum()))
-    return [Stray(signal, words, longest, 0.0, stop, rms, p, frequency)]
+    return [Stray(signal, words, *_longest_phase(trials), rms, p, frequency)]
 
 
 def _far_off(

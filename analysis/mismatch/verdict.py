@@ -13,7 +13,7 @@ from analysis.mismatch.confirm import HeldOut
 from analysis.mismatch.diagnosis import Diagnosis
 from analysis.mismatch.joint import JointFit
 from analysis.mismatch.located import Residual, residual_of
-from analysis.mismatch.look import LEVEL, Look
+from analysis.mismatch.look import LEVEL, Look, strict
 from analysis.mismatch.profiles import OUTSIDE
 from analysis.mismatch.report import (
     Comparison,
@@ -203,8 +203,10 @@ def _locate(diagnosis: Diagnosis) -> _Places:
         windows = _unexplained(diagnosis, before)
     left: tuple[Window, ...] = ()
     if named.chosen:
+        repeats_p = located.repeats_p_value(after, np.random.default_rng(0))
+        left_p = smallest_p(named.last_look, [strict(repeats_p)])
         left = located.force_windows(
-            trials, after, named.last_look.bin_p, total, whole_p=smallest_p(named.last_look), all_of_them=True
+            trials, after, named.last_look.bin_p, total, whole_p=left_p, all_of_them=True
         )
     windows = tuple(sorted(windows, key=lambda w: -w.share_of_mismatch))
     return _Places(windows, left, total, after.total)

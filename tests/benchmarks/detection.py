@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 
 from analysis.mismatch.candidates import hum_candidate
-from analysis.mismatch.diagnosis import weighed
 from analysis.mismatch.intake import take_in_memory
 from analysis.mismatch.joint import JointFit, Simulation
 from analysis.mismatch.look import look
 from analysis.mismatch.noise import NoiseModel
 from analysis.mismatch.problem import Problem
 from analysis.mismatch.start import start_own, start_tissue
+from analysis.mismatch.weighing import weighed
 from analysis.recordings.trial import Calibration, Phase, ProtocolSummary, Specimen, Trial
 from analysis.simulation.cells import CellTrial
 from sim_hardware.knobs import LIBRARY

@@ -1,0 +1,79 @@
+"""How the cells of trials are weighed: by the noise of what a fit leaves in stretches at rest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.mismatch.joint import JointFit
+from analysis.mismatch.noise import NoiseModel, Whitener, measure_noise
+from analysis.mismatch.problem import REPEATS, Problem
+from analysis.simulation.cells import CellTrial
+
+FloatArray = NDArray[np.float64]
+
+LONG_SEGMENT_S = 6.4
+
+
+def quiet_residuals(problem: Problem, fit: JointFit) -> list[FloatArray]:
+    """Return full-rate residuals of stretches at rest, from which the noise is measured."""
+    found = []
+    for j, t in enumerate(problem.trials):
+        r = problem.full_residual(fit, j)
+        at = np.repeat(np.arange(len(t.counts)), t.counts.astype(np.int64))
+        at = at[np.repeat(t.fitted, t.counts.astype(np.int64))]
+        settle = round(0.3 * t.sample_rate_hz)
+        for name in ("dwell", "hold", "clear", "sweep"):
+            part = r[t.in_phase(name)[at]]
+            skip = 0 if name == "sweep" else min(settle, len(part) // 3)
+            if len(part) - skip >= 64:
+                found.append(part[skip:])
+    return found or [problem.full_residual(fit, j) for j in range(len(problem.trials))]
+
+
+def first_noise(trials: Sequence[CellTrial]) -> float:
+    """Return the white noise (mN) of single samples, from differences of neighbours."""
+    spread = [np.median(np.abs(np.diff(t.full_force_mn))) / 0.6745 / np.sqrt(2.0) for t in trials]
+    peak = max(float(np.ptp(t.full_force_mn)) for t in trials)
+    return max(float(np.median(spread)), 1e-6 * peak)
+
+
+def noise_of(problem: Problem, fit: JointFit) -> NoiseModel:
+    """Return the noise of a fit's residual.
+
+    Of one or two trials only its size, since nothing tells what repeats; so too of trials sampled differently.
+    """
+    rate = problem.common_rate_hz
+    if len(problem.trials) < REPEATS or rate is None:
+        left = np.concatenate([problem.full_residual(fit, j) for j in range(len(problem.trials))])
+        return NoiseModel(float(np.sqrt(np.mean(left**2))))
+    return measure_noise(quiet_residuals(problem, fit), rate)
+
+
+def weighed(trials: Sequence[CellTrial], noise: NoiseModel) -> Problem:
+    """Return the problem with its cells weighed by a noise model."""
+    return Problem(tuple(trials), tuple(Whitener(t, noise) for t in trials), noise.white_mn)
+
+
+def weighs_otherwise(before: NoiseModel, after: NoiseModel, sample_rate_hz: float) -> bool:
+    """Tell whether a noise model weighs a trial's cells otherwise than another, by more than a part in ten."""
+    frequency_hz = np.geomspace(0.1, 0.4 * sample_rate_hz, 50)
+    ratio = before.power(frequency_hz, sample_rate_hz) / after.power(frequency_hz, sample_rate_hz)
+    return bool(np.max(np.abs(np.log(ratio))) > np.log(1.1))
+
+
+def weighed_slow(problem: Problem, fit: JointFit) -> Problem:
+    """Return the problem with its cells weighed by noise measured in long stretches, its slow part included.
+
+    A step in a slow wander of the noise is no event. For laws the slow part is left out, as a mismatch that is not
+    named yet is slow too; it has no steps.
+    """
+    rate = problem.common_rate_hz
+    if len(problem.trials) < REPEATS or rate is None:
+        return problem
+    residuals = quiet_residuals(problem, fit)
+    long = min(round(LONG_SEGMENT_S * rate), max(len(r) for r in residuals))
+    noise = measure_noise([r for r in residuals if len(r) >= long], rate, LONG_SEGMENT_S)
+    return weighed(problem.trials, noise)

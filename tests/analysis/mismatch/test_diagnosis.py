@@ -10,6 +10,7 @@ import pytest
 from analysis.errors import BadInputError
 from analysis.mismatch.diagnosis import Diagnosis, diagnose
 from analysis.mismatch.intake import take_in_memory
+from analysis.mismatch.verdict import make_report
 from analysis.recordings.trial import Trial
 
 sys.path.append(str(Path(__file__).parents[2]))
@@ -71,6 +72,7 @@ def test_a_law_is_named_and_measured(
         ('name = "mains_hum"\namplitude_mn = 0.1\nfrequency_hz = 50.0', "mains_hum"),
         ('name = "heartbeat"\namplitude_um = 2.0\nfrequency_hz = 1.2', "heartbeat"),
         ('name = "slip"\ndrop_mn = 1.0', "slip"),
+        ('name = "motion_artefact"\nshift_um = 2.0', "motion_artefact"),
     ],
 )
 def test_what_has_its_own_phase_or_time_is_named(effect: str, name: str) -> None:
@@ -89,6 +91,41 @@ def test_a_line_that_no_law_has_is_a_stray() -> None:
     found = _diagnose('name = "dropped_bit"')
     assert [s.signal for s in found.strays] == ["force"]
     assert "single samples" in found.strays[0].words
+
+
+@pytest.mark.parametrize(
+    ("effect", "words"),
+    [
+        ('name = "gain_step"\nchange = 0.02', "larger or smaller by a share"),
+        ('name = "switching_beat"\namplitude_mn = 0.2', "a tone that wanders"),
+    ],
+)
+def test_what_is_outside_the_library_is_said_in_words_and_never_the_whole_story(
+    effect: str, words: str
+) -> None:
+    _assert_unknown(_diagnose(effect), words)
+
+
+def test_a_trend_over_the_trials_is_seen_where_order_and_depth_are_not_the_same() -> None:
+    in_order = study_plans(depths_mm=(0.2, 0.5, 0.8), repeats=4)
+    plans = [in_order[4 * (i % 3) + i // 3] for i in range(12)]
+    trials = bench_trials(PLAIN + '[[effects]]\nname = "warming_tissue"\nsoftening = 0.03\n', plans)
+    _assert_unknown(diagnose(take_in_memory(trials), seed=1), "order of the trials")
+
+
+def _assert_unknown(found: Diagnosis, words: str) -> None:
+    assert any(words in s.words for s in found.strays)
+    report = make_report(found, baseline="ramp", seed=1, tolerance_mn=0.3)
+    assert report.verdict == "unknown"
+    assert any(words in w.conditions for w in report.mismatch)
+
+
+def test_noise_that_wanders_is_no_event() -> None:
+    wandering = "[noise]\nwander_mn_rms = 0.15\nwander_time_s = 4.0\n"
+    trials = bench_trials(PLAIN + wandering, study_plans(depths_mm=(0.3, 0.6), repeats=4))
+    found = diagnose(take_in_memory(trials), seed=1)
+    assert _names(found) == []
+    assert found.strays == ()
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from analysis.mismatch.events import (
     event_addition,
     refine_time,
 )
-from analysis.mismatch.joint import Addition, JointFit
+from analysis.mismatch.joint import JointFit
 from analysis.mismatch.look import LEVEL, Look, strict
 from analysis.mismatch.oscillations import (
     Band,
@@ -26,6 +26,7 @@ from analysis.mismatch.oscillations import (
     surface_addition,
 )
 from analysis.mismatch.problem import Problem
+from analysis.mismatch.shared import Addition
 from analysis.mismatch.signatures import Probe
 from analysis.simulation.mechanism import Mechanism, library
 

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from analysis.mismatch.candidates import Candidate, refit_with
 from analysis.mismatch.confirm import HeldOut, held_out
 from analysis.mismatch.intake import Intake
-from analysis.mismatch.joint import TISSUE_PARAMETERS, Addition, JointFit, Simulation
+from analysis.mismatch.joint import JointFit
 from analysis.mismatch.look import LEVEL
 from analysis.mismatch.noise import NoiseModel
 from analysis.mismatch.position_channel import PositionFinding, look_at_position
 from analysis.mismatch.problem import REPEATS, Problem
 from analysis.mismatch.search import Named, search
+from analysis.mismatch.shared import TISSUE_PARAMETERS, Addition, Simulation
 from analysis.mismatch.signatures import FEW_TRIALS, Probe, accumulate
 from analysis.mismatch.single_trials import search_few
 from analysis.mismatch.start import start_own, start_rigid, start_tissue

@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import erfc
 
-from analysis.mismatch.joint import Addition, JointFit, column_space, linearise, project_out
+from analysis.mismatch.joint import JointFit
+from analysis.mismatch.linearised import column_space, linearise, project_out
 from analysis.mismatch.noise import Whitener
+from analysis.mismatch.shared import Addition
 from analysis.mismatch.surface_motion import in_contact, pressed, surface_force
 from analysis.mismatch.tissue_scatter import Scatter, scatter_over
 from analysis.simulation.cells import CellTrial

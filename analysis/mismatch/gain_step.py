@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.mismatch.events import EventAt, after, courses
-from analysis.mismatch.joint import JointFit, column_space, linearise
+from analysis.mismatch.joint import JointFit
+from analysis.mismatch.linearised import column_space, linearise
 from analysis.mismatch.problem import Problem
 
 FloatArray = NDArray[np.float64]

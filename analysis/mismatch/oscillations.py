@@ -14,8 +14,10 @@ from numpy.typing import NDArray
 from scipy.stats import chi2 as chi2_distribution
 from scipy.stats import f as f_distribution
 
-from analysis.mismatch.joint import Addition, Hum, JointFit, column_space, linearise
+from analysis.mismatch.joint import JointFit
+from analysis.mismatch.linearised import column_space, linearise
 from analysis.mismatch.noise import Whitener
+from analysis.mismatch.shared import Addition, Hum
 from analysis.mismatch.surface_motion import in_contact, surface_force
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.forward import PerTrial

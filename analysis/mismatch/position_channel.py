@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.mismatch.joint import project_out
+from analysis.mismatch.linearised import project_out
 from analysis.mismatch.profiles import OUTSIDE, bins_of
 from analysis.mismatch.signatures import BLOCK_CELLS, FEW_TRIALS
 from analysis.mismatch.signflip import flip_test

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.mismatch.joint import JointFit, Simulation, fit_jointly
+from analysis.mismatch.joint import JointFit, fit_jointly
 from analysis.mismatch.noise import Whitener
 from analysis.mismatch.profiles import OUTSIDE, bins_of, profile, repeatable_energy
+from analysis.mismatch.shared import Simulation
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.forward import PerTrial
 

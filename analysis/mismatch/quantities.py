@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 
 from analysis.mismatch.diagnosis import Diagnosis
 from analysis.mismatch.events import EventAt
-from analysis.mismatch.joint import Addition, Hum, JointFit, linearise
+from analysis.mismatch.joint import JointFit
+from analysis.mismatch.linearised import linearise
 from analysis.mismatch.oscillations import SurfaceOscillation, hat_functions
 from analysis.mismatch.problem import Problem
 from analysis.mismatch.report import Quantity
+from analysis.mismatch.shared import Addition, Hum
 from analysis.mismatch.surface_motion import in_contact
 from analysis.simulation.mechanism import Mechanism, library
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +21,7 @@ MOST_TRIALS = 0.6
 SMALLEST_SHARE = 0.002
 EXTRA_SHARE = 0.02
 SINGLE_TRIAL_SHARE = 0.01
+TRIED_TOGETHER = 2
 
 
 @dataclass(frozen=True)
@@ -47,12 +49,40 @@ def search(problem: Problem, baseline: JointFit, rng: np.random.Generator) -> Na
             break
         best = next((c for c in found if _worth_naming(problem, fits[-1], c, explained)), None)
         if best is None or best.total_gain < 0.5 * found[0].total_gain:
-            break
+            pair = (
+                _worth_together(problem, fits[-1], found, rng) if len(chosen) < MOST_MECHANISMS - 1 else None
+            )
+            if pair is None:
+                break
+            first_of_pair, beside, best = pair
+            chosen.append(first_of_pair)
+            fits.append(first_of_pair.fit)
+            considered.append(beside)
+            explained += first_of_pair.total_gain
         chosen.append(best)
         fits.append(best.fit)
         explained += best.total_gain
         seen = look(problem, best.fit, rng)
     return Named(tuple(fits), tuple(chosen), tuple(considered), first, seen)
+
+
+def _worth_together(
+    problem: Problem, fit: JointFit, found: Sequence[Candidate], rng: np.random.Generator
+) -> tuple[Candidate, tuple[Candidate, ...], Candidate] | None:
+    """Return two laws that explain little each but nearly all together, and what was considered beside the second.
+
+    Two effects may hide each other: what a lag takes from a quick relaxation's force, the relaxation gives.
+    """
+    left = max(problem.weighed_repeatable(fit), 0.0)
+    slack = 2.0 * np.sqrt(2.0 * OUTSIDE)
+    for first in [c for c in found if c.mechanism.form == "law"][:TRIED_TOGETHER]:
+        beside = tuple(candidates(problem, first.fit, look(problem, first.fit, rng)))
+        second = next((c for c in beside if c.mechanism.form == "law"), None)
+        if second is None or second.total_gain < first.total_gain:
+            continue
+        if first.total_gain + second.total_gain + slack >= SMALL_MUST_EXPLAIN * left:
+            return first, beside, second
+    return None
 
 
 def _worth_naming(problem: Problem, fit: JointFit, best: Candidate, explained: float) -> bool:

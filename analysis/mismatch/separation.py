@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 
 from analysis.mismatch.diagnosis import Diagnosis
 from analysis.mismatch.few_trials import FEW_CONTRIBUTE
-from analysis.mismatch.joint import Addition, JointFit, linearise, project_out
+from analysis.mismatch.joint import JointFit
+from analysis.mismatch.linearised import linearise, project_out
 from analysis.mismatch.noise import Whitener
 from analysis.mismatch.planned import PlannedTrial
 from analysis.mismatch.report import Report
+from analysis.mismatch.shared import Addition
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.forward import PerTrial, simulate_force
 from analysis.simulation.mechanism import Mechanism, Values, library

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.mismatch.joint import JointFit, linearise, project_out
+from analysis.mismatch.joint import JointFit
+from analysis.mismatch.linearised import linearise, project_out
 from analysis.mismatch.noise import Whitener
 from analysis.mismatch.profiles import OUTSIDE, bins_of
 from analysis.simulation.cells import CellTrial

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student_t
 
-from analysis.mismatch.joint import JointFit, linearise, project_out
+from analysis.mismatch.joint import JointFit
+from analysis.mismatch.linearised import linearise, project_out
 from analysis.mismatch.problem import Problem
 from analysis.mismatch.signatures import FEW_TRIALS
 

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.mismatch.diagnosis import Absorbed
-from analysis.mismatch.joint import Addition
 from analysis.mismatch.problem import Problem
 from analysis.mismatch.report import NextExperiment, NotIdentifiable, Quantity, Report, Window
+from analysis.mismatch.shared import Addition
 from analysis.mismatch.signatures import FEW_TRIALS
 from analysis.simulation.mechanism import Mechanism, library
 

@@ -14,10 +14,11 @@ import numpy as np
 
 from analysis.mismatch.candidates import hum_candidate
 from analysis.mismatch.intake import take_in_memory
-from analysis.mismatch.joint import JointFit, Simulation
+from analysis.mismatch.joint import JointFit
 from analysis.mismatch.look import look
 from analysis.mismatch.noise import NoiseModel
 from analysis.mismatch.problem import Problem
+from analysis.mismatch.shared import Simulation
 from analysis.mismatch.start import start_own, start_tissue
 from analysis.mismatch.weighing import weighed
 from analysis.recordings.trial import Calibration, Phase, ProtocolSummary, Specimen, Trial
@@ -75,7 +76,7 @@ def _cells(trial: CellTrial, signal: Any) -> Any:
 
 def _orthogonal_norm(problem: Problem, fit: JointFit, added_mn: Sequence[Any]) -> float:
     """Norm of what the baseline can't absorb: shared parameters, contact points and offsets projected out."""
-    from analysis.mismatch.joint import linearise, project_out
+    from analysis.mismatch.linearised import linearise, project_out
 
     parts = []
     for j, (t, w) in enumerate(zip(problem.trials, problem.whiteners, strict=True)):

@@ -16,9 +16,10 @@ import numpy as np
 from scipy.stats import chi2
 
 from analysis.mismatch.intake import Intake
-from analysis.mismatch.joint import Addition, JointFit, Simulation
+from analysis.mismatch.joint import JointFit
 from analysis.mismatch.noise import NoiseModel
 from analysis.mismatch.problem import Problem
+from analysis.mismatch.shared import Addition, Simulation
 from analysis.mismatch.start import start_own, start_tissue
 from analysis.mismatch.weighing import first_noise, weighed
 from analysis.simulation.mechanism import Mechanism, library

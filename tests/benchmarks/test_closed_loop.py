@@ -15,9 +15,10 @@ import pytest
 
 from analysis.mismatch.diagnose import diagnose_paths
 from analysis.mismatch.intake import take_in
-from analysis.mismatch.joint import Addition, Simulation, fit_jointly
+from analysis.mismatch.joint import fit_jointly
 from analysis.mismatch.noise import NoiseModel, Whitener
 from analysis.mismatch.search import Problem
+from analysis.mismatch.shared import Addition, Simulation
 from analysis.mismatch.start import start_own
 from analysis.recordings import find_trials
 from analysis.simulation.mechanism import Tissue, library

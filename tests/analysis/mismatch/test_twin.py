@@ -9,9 +9,10 @@ import pytest
 import tomlkit
 
 from analysis.mismatch.intake import take_in_memory
-from analysis.mismatch.joint import Addition, Simulation, fit_jointly
+from analysis.mismatch.joint import fit_jointly
 from analysis.mismatch.noise import NoiseModel, Whitener
 from analysis.mismatch.problem import Problem
+from analysis.mismatch.shared import Addition, Simulation
 from analysis.mismatch.start import start_own
 from analysis.mismatch.twin import noise_settings
 from analysis.recordings.trial import Trial

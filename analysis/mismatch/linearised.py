@@ -1,0 +1,102 @@
+"""One trial about a simulation: its whitened residual, and its derivatives by what is shared and by its own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.mismatch.noise import Whitener
+from analysis.mismatch.shared import Simulation
+from analysis.simulation.cells import CellTrial
+from analysis.simulation.forward import PerTrial
+from analysis.simulation.mechanism import Parameter
+
+FloatArray = NDArray[np.float64]
+
+Z0_STEP_MM = 5e-5
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """One trial around a simulation, whitened: residual r (n,), shared J (n, P), own A (n, q)."""
+
+    r: FloatArray
+    J: FloatArray
+    A: FloatArray
+
+
+def linearise(
+    trial: CellTrial,
+    whitener: Whitener,
+    simulation: Simulation,
+    own: PerTrial,
+    trials: Sequence[CellTrial],
+    latent: FloatArray,
+    coefficients: FloatArray,
+    *,
+    frozen: bool = False,
+) -> Linearised:
+    """Return residual and derivatives of one trial; ``latent`` (n, q) are columns with free coefficients.
+
+    ``frozen`` leaves the shared parameters out (P = 0).
+    """
+    force = simulation.force_mn(trial, own)
+    vector = np.zeros(0) if frozen else simulation.vector(trials)
+    parameters = [] if frozen else simulation.parameters(trials)
+    columns = np.empty((len(force), len(vector)))
+    for k, parameter in enumerate(parameters):
+        step = _step(parameter, float(vector[k]))
+        moved = vector.copy()
+        moved[k] += step
+        columns[:, k] = (simulation.moved_to(moved, trials).force_mn(trial, own) - force) / step
+    own_columns = [np.ones_like(force)] if trial.frees_offset else []
+    if trial.touches:
+        deeper = simulation.force_mn(trial, replace(own, z0_mm=own.z0_mm + Z0_STEP_MM))
+        own_columns.append((deeper - force) / Z0_STEP_MM)
+    A = np.column_stack([*own_columns, latent])
+    residual = trial.force_mn - force - latent @ coefficients
+    stacked = whitener(np.column_stack([residual, columns, A]))
+    p = columns.shape[1]
+    r, J, A = stacked[:, 0], stacked[:, 1 : 1 + p], stacked[:, 1 + p :]
+    if trial.touches and own.z0_mm <= trial.begins_mm:
+        at = len(own_columns) - 1
+        if float(project_out(A, r[:, None])[1][at, 0]) < 0.0:
+            # a trial begins before contact: a contact point at its beginning has nowhere to go
+            A[:, at] = 0.0
+    return Linearised(r, J, A)
+
+
+def _step(parameter: Parameter, fitted: float) -> float:
+    """Return a finite-difference step on the scale of the fit that stays within the bounds."""
+    if parameter.scale == "log":
+        step = 1e-4
+    elif parameter.scale == "inverse_square":
+        step = 1e-3
+    else:
+        step = 1e-4 * max(abs(fitted), 0.05 * min(1.0, parameter.upper))
+    ends = sorted((parameter.to_fit(parameter.lower), parameter.to_fit(parameter.upper)))
+    return step if fitted + step <= ends[1] else -step
+
+
+def project_out(A: FloatArray, M: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return M (n, m) without what the columns of A (n, q) explain, and the coefficients (q, m)."""
+    scale = np.linalg.norm(A, axis=0)
+    scale[scale == 0] = 1.0
+    q, r = np.linalg.qr(A / scale)
+    keep = np.abs(np.diag(r)) > 1e-9
+    if not keep.all():
+        beta, *_ = np.linalg.lstsq(A / scale, M, rcond=1e-9)
+        return M - (A / scale) @ beta, beta / scale[:, None]
+    inner = q.T @ M
+    beta = np.linalg.solve(r, inner)
+    return M - q @ inner, beta / scale[:, None]
+
+
+def column_space(A: FloatArray) -> FloatArray:
+    """Return an orthonormal basis (n, p), p <= q, of what the columns of A (n, q) span."""
+    scale = np.linalg.norm(A, axis=0)
+    u, size, _ = np.linalg.svd(A[:, scale > 0] / scale[scale > 0], full_matrices=False)
+    return np.asarray(u[:, size > 1e-9])

@@ -73,7 +73,9 @@ def search_few(problem: Problem, baseline: JointFit, rng: np.random.Generator) -
 def _found(problem: Problem, fit: JointFit, seen: Look, rng: np.random.Generator) -> list[Candidate]:
     """Return what a fit improves by and blocks agree on, best first.
 
-    Laws are judged after a refit: a large effect is far from where its signature was taken.
+    Laws are judged after a refit: a large effect is far from where its signature was taken. They are judged by what
+    they gain on all trials (Akaike's charge of 2 for a parameter taken off), since none of these repeats another, and
+    a trial of a speed or depth of its own is not to be predicted from the others.
     """
     ranked = sorted(seen.best, key=lambda n: -seen.best[n][0][0])
     worth = PROMISING * seen.best[ranked[0]][0][0] if ranked else 0.0
@@ -82,7 +84,8 @@ def _found(problem: Problem, fit: JointFit, seen: Look, rng: np.random.Generator
     for name in by_gain[:REFITTED]:
         refitted = best_refit(problem, fit, seen.best[name])
         mechanism = seen.best[name][0][1].mechanism
-        found.append(Candidate(mechanism, refitted, fit.heldout_cost - refitted.heldout_cost, 1.0))
+        charged = 2.0 * len(mechanism.parameters) / len(fit.cost)
+        found.append(Candidate(mechanism, refitted, fit.cost - refitted.cost - charged, 1.0))
     named = {c.mechanism.name for c in found}
     found += [
         c

@@ -106,9 +106,11 @@ def test_muscle_ramps(said: Callable[..., dict[str, Any]], tmp_path: Path) -> No
         files[-1].write_text("\n".join(lines) + "\n", encoding="utf-8")
     report = said("titin", files)
     print("  notes:", *report["notes"])
-    print("  expected: stiffening and a continuous spectrum (power law); found:", _names(report))
+    print("  expected: stiffening and a continuous spectrum, more times than two; found:", _names(report))
     assert report["n_trials"] == len(files)
     assert "stiffening" in _names(report)
+    # what stands for a spectrum over a range that four ramps can resolve
+    assert {"power_law_relaxation", "third_relaxation", "poroelastic_drainage"} & set(_names(report))
 
 
 def _names(report: dict[str, Any]) -> list[str]:

@@ -49,9 +49,7 @@ def search(problem: Problem, baseline: JointFit, rng: np.random.Generator) -> Na
             break
         best = next((c for c in found if _worth_naming(problem, fits[-1], c, explained)), None)
         if best is None or best.total_gain < 0.5 * found[0].total_gain:
-            pair = (
-                _worth_together(problem, fits[-1], found, rng) if len(chosen) < MOST_MECHANISMS - 1 else None
-            )
+            pair = None if chosen else _worth_together(problem, baseline, found, rng)
             if pair is None:
                 break
             first_of_pair, beside, best = pair
@@ -71,7 +69,8 @@ def _worth_together(
 ) -> tuple[Candidate, tuple[Candidate, ...], Candidate] | None:
     """Return two laws that explain little each but nearly all together, and what was considered beside the second.
 
-    Two effects may hide each other: what a lag takes from a quick relaxation's force, the relaxation gives.
+    Two effects may hide each other: what a lag takes from a quick relaxation's force, the relaxation gives. Asked only
+    before anything is named: beside a large effect two laws explain its remainder easily.
     """
     left = max(problem.weighed_repeatable(fit), 0.0)
     slack = 2.0 * np.sqrt(2.0 * OUTSIDE)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.mismatch.linearised import project_out
-from analysis.mismatch.profiles import OUTSIDE, bins_of
+from analysis.mismatch.profiles import OUTSIDE, bins_of, repeatable_energy
 from analysis.mismatch.signatures import BLOCK_CELLS, FEW_TRIALS
 from analysis.mismatch.signflip import flip_test
 from analysis.simulation.cells import CellTrial
@@ -20,14 +20,16 @@ SMALLEST_MM = 5e-4
 POSITION_LEVEL = 0.008
 WITHIN_TWO = 0.9545
 FAR_OFF = 6.0
+SERVO_SHOWS = 0.01
 
 
 @dataclass(frozen=True)
 class PositionFinding:
     """What position given command says.
 
-    ``p_value`` of the servo's signature; ``explained`` share of the repeatable position mismatch that another servo
-    takes away; ``noise_mm`` rms of a sample; ``profile_mm`` (B,) mean residual by bin and ``bin_p`` its p-values;
+    ``p_value`` of the servo's signature; ``explained`` share of the repeatable position mismatch, where a servo shows,
+    that another servo takes away; ``noise_mm`` rms of a sample; ``profile_mm`` (B,) mean residual by bin and ``bin_p``
+    its p-values;
     ``standard_errors`` of ln(natural frequency) and ln(damping ratio).
     """
 
@@ -64,7 +66,7 @@ def look_at_position(trials: Sequence[CellTrial], rng: np.random.Generator) -> P
     if not used:
         return None
     noise_mm = max(float(np.median([_noise_mm(t) for t in used])), 1e-6)
-    scores, by_bin, grams, means, counts, gains = [], [], [], [], [], []
+    scores, by_bin, grams, means, counts, laid, shown = [], [], [], [], [], [], np.zeros(OUTSIDE)
     for t in used:
         weight = np.sqrt(t.counts) / noise_mm
         x = t.command_mm - t.command_mm.mean()
@@ -78,7 +80,10 @@ def look_at_position(trials: Sequence[CellTrial], rng: np.random.Generator) -> P
             scores.append(G[part].T @ r[part])
             by_bin.append(np.bincount(bins[part], weights=r[part], minlength=OUTSIDE + 1)[:OUTSIDE])
         grams.append(G.T @ G)
-        gains.append(float(r @ r) - len(r))
+        cells = np.bincount(bins, minlength=OUTSIDE + 1)[:OUTSIDE]
+        by_cell = np.bincount(bins, weights=r, minlength=OUTSIDE + 1)[:OUTSIDE]
+        laid.append(by_cell / np.sqrt(np.maximum(cells, 1)))
+        shown += np.bincount(bins, weights=(G**2).sum(axis=1), minlength=OUTSIDE + 1)[:OUTSIDE]
         means.append(np.bincount(bins, weights=r / weight * t.counts, minlength=OUTSIDE + 1)[:OUTSIDE])
         counts.append(np.bincount(bins, weights=t.counts, minlength=OUTSIDE + 1)[:OUTSIDE])
     gram = np.sum(grams, axis=0)
@@ -92,7 +97,10 @@ def look_at_position(trials: Sequence[CellTrial], rng: np.random.Generator) -> P
     m = int(keep.sum())
     inverse = np.linalg.pinv(gram, rcond=1e-9, hermitian=True)
     gain = float(total @ inverse @ total)
-    excess = max(float(np.sum(gains)), gain, 1e-9)
+    # what repeats, and where a servo shows: all that is beyond the noise would be the converters' steps at rest, and
+    # what the noise is misjudged by
+    repeats = repeatable_energy(np.array(laid), [t.condition for t in used])
+    excess = max(float(repeats[shown > SERVO_SHOWS * shown.max()].sum()), gain, 1e-9)
     all_counts = np.maximum(np.sum(counts, axis=0), 1.0)
     errors = np.sqrt(np.maximum(np.diag(inverse), 0.0))
     return PositionFinding(

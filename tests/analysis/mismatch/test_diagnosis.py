@@ -120,6 +120,15 @@ def _assert_unknown(found: Diagnosis, words: str) -> None:
     assert any(words in w.conditions for w in report.mismatch)
 
 
+def test_another_servo_is_named_by_the_recorded_position() -> None:
+    found = _diagnose('name = "servo_bandwidth"\nnatural_frequency_rad_s = 4600.0')
+    report = make_report(found, baseline="ramp", seed=1, tolerance_mn=0.3)
+    assert report.verdict == "named"
+    assert [m.name for m in report.mechanisms] == ["servo_bandwidth"]
+    frequency = report.mechanisms[0].parameters["natural_frequency_rad_s"]
+    assert frequency.value == pytest.approx(4600.0, abs=4 * frequency.se)
+
+
 def test_noise_that_wanders_is_no_event() -> None:
     wandering = "[noise]\nwander_mn_rms = 0.15\nwander_time_s = 4.0\n"
     trials = bench_trials(PLAIN + wandering, study_plans(depths_mm=(0.3, 0.6), repeats=4))

@@ -15,11 +15,12 @@ from analysis.mismatch.events import (
     scan_events,
 )
 from analysis.mismatch.few_trials import few_trials_p_value
+from analysis.mismatch.freed import freed_evidence, freed_residuals
 from analysis.mismatch.joint import JointFit
 from analysis.mismatch.oscillations import (
     Spectrum,
     bands,
-    freed_residuals,
+    line_gain,
     oscillation_scores,
     quick_frequencies,
     quick_spectrum,
@@ -47,6 +48,7 @@ STRICT_LEVEL = 5e-4
 """The same chance for tests that trust noise to be near Gaussian, which it is not quite."""
 
 WANDERING_HZ = 0.5
+WANDERS_BELOW_HZ = 4.0
 
 
 @dataclass(frozen=True)
@@ -99,15 +101,8 @@ def look(problem: Problem, fit: JointFit, rng: np.random.Generator) -> Look:
             blocks.append(oscillation_scores(spectrum))
             sided.append(np.ones(len(spectrum.frequency_hz), dtype=bool))
         families.append(Family(sum(len(s.frequency_hz) for s in spectra), SPECTRA_SHARE))
-    scans: tuple[EventScan, ...] = ()
-    if skin:
-        absent = [m for m in event_mechanisms() if m.name not in present]
-        weighings = (problem.whiteners, weighed_slow(problem, fit).whiteners)
-        # a step in noise that wanders is no event, and events are no wander: whichever explains more
-        scans = tuple(
-            max((scan_events(m, problem.trials, w, fit) for w in weighings), key=lambda s: s.evidence)
-            for m in absent
-        )
+    slow_problem = weighed_slow(problem, fit) if skin else problem
+    scans = _event_scans(problem, slow_problem, fit, present) if skin else ()
     signed = [s for s in scans if s.mechanism.one_sided and many]
     for scan in signed:
         blocks.append(scan.asymmetry()[:, None])
@@ -127,10 +122,9 @@ def look(problem: Problem, fit: JointFit, rng: np.random.Generator) -> Look:
     for spectrum in spectra:
         spectrum_p = test.p_value[at : at + len(spectrum.frequency_hz)]
         at += len(spectrum.frequency_hz)
-        for band in bands():
-            inside = (spectrum.frequency_hz >= band.lower_hz) & (spectrum.frequency_hz <= band.upper_hz)
-            if band.mechanism not in present and inside.any():
-                p_of[band.mechanism] = min(p_of.get(band.mechanism, 1.0), float(spectrum_p[inside].min()))
+        for name, p in _bands_p(spectrum, spectrum_p, present).items():
+            p_of[name] = min(p_of.get(name, 1.0), p)
+    p_of.update(dict.fromkeys(_only_wanders(problem, slow_problem, fit, spectra, p_of), 1.0))
     for scan in scans:
         p_of[scan.mechanism.name] = strict(event_p_value(scan))
     for scan, p in zip(signed, test.p_value[len(test.p_value) - len(signed) :], strict=True):
@@ -138,6 +132,50 @@ def look(problem: Problem, fit: JointFit, rng: np.random.Generator) -> Look:
     critical = test.critical(LEVEL, LAWS_SHARE)
     best = best_probes(signatures)
     return Look(signatures, p_of, best, bin_p, tuple(spectra), all_spectrum_p, scans, critical)
+
+
+def _event_scans(
+    problem: Problem, slow_problem: Problem, fit: JointFit, present: Sequence[str]
+) -> tuple[EventScan, ...]:
+    """Return the scans of the events that are not in the simulation yet.
+
+    A step in noise that wanders is no event, and events are no wander: noise is weighed the way that explains more.
+    """
+    absent = [m for m in event_mechanisms() if m.name not in present]
+    weighings = (problem.whiteners, slow_problem.whiteners)
+    return tuple(
+        max((scan_events(m, problem.trials, w, fit) for w in weighings), key=lambda s: s.evidence)
+        for m in absent
+    )
+
+
+def _bands_p(spectrum: Spectrum, p_value: FloatArray, present: Sequence[str]) -> dict[str, float]:
+    """Return the smallest p-value in the band of each oscillation that is not in the simulation yet."""
+    found = {}
+    for band in bands():
+        inside = (spectrum.frequency_hz >= band.lower_hz) & (spectrum.frequency_hz <= band.upper_hz)
+        if band.mechanism not in present and inside.any():
+            found[band.mechanism] = float(p_value[inside].min())
+    return found
+
+
+def _only_wanders(
+    problem: Problem,
+    slow_problem: Problem,
+    fit: JointFit,
+    spectra: Sequence[Spectrum],
+    p_of: dict[str, float],
+) -> list[str]:
+    """Return the slow oscillations that seem significant, but explain less than noise that wanders does.
+
+    The spectrum of such noise has a hump where what a trial is free to have, a course and a tissue of its own, ends.
+    """
+    doubtful = [b for b in bands() if b.lower_hz < WANDERS_BELOW_HZ and p_of.get(b.mechanism, 1.0) <= LEVEL]
+    if not doubtful or not spectra:
+        return []
+    wanders = freed_evidence(problem.trials, slow_problem.whiteners, fit)
+    steady = freed_evidence(problem.trials, problem.whiteners, fit)
+    return [b.mechanism for b in doubtful if line_gain(spectra[0], b) < wanders - steady]
 
 
 def law_probes(trials: Sequence[CellTrial], present: Sequence[str]) -> list[Probe]:

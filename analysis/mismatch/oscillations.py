@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from scipy.stats import chi2 as chi2_distribution
 from scipy.stats import f as f_distribution
 
+from analysis.mismatch.freed import Freed
 from analysis.mismatch.joint import JointFit
-from analysis.mismatch.linearised import column_space, linearise
 from analysis.mismatch.noise import Whitener
 from analysis.mismatch.shared import Addition, Hum
 from analysis.mismatch.surface_motion import in_contact, surface_force
@@ -27,7 +27,6 @@ FloatArray = NDArray[np.float64]
 
 RESOLUTION_HZ = 0.11
 SHORTEST_REACH = 0.25
-SLOW_ORDER = 3
 HUM_HALF_WIDTH_HZ = 0.6
 
 
@@ -58,34 +57,14 @@ class Spectrum:
     power: FloatArray
 
 
-@dataclass(frozen=True)
-class Freed:
-    """A whitened residual ``r`` (n,) less all that a trial could explain if it were free, and ``basis`` (n, p) of that.
+def line_gain(spectrum: Spectrum, band: Band) -> float:
+    """Return what a line at each trial's own frequency in a band gains, in units of chi2.
 
-    Free to have a contact point, an offset, a tissue and a slow course of its own: a gain that is off or a drift is
-    no oscillation, but has a spectrum with lobes at the same places in every trial.
+    Less what the best of so many frequencies gains by chance.
     """
-
-    r: FloatArray
-    basis: FloatArray
-
-
-def freed_residuals(
-    trials: Sequence[CellTrial], whiteners: Sequence[Whitener], fit: JointFit
-) -> list[Freed | None]:
-    """Return what each trial by itself leaves unexplained; None for trials without skin."""
-    found: list[Freed | None] = []
-    for j, (trial, whitener) in enumerate(zip(trials, whiteners, strict=True)):
-        if trial.kind in ("air_sweep", "rigid_target"):
-            found.append(None)
-            continue
-        latent = fit.simulation.latent_columns(trial, fit.own[j])
-        line = linearise(trial, whitener, fit.simulation, fit.own[j], trials, latent, fit.latents[j])
-        t = trial.time_s
-        course = np.polynomial.legendre.legvander(2.0 * (t - t[0]) / (t[-1] - t[0]) - 1.0, SLOW_ORDER)[:, 1:]
-        basis = column_space(np.column_stack([line.A, line.J, whitener(course)]))
-        found.append(Freed(line.r - basis @ (basis.T @ line.r), basis))
-    return found
+    inside = (spectrum.frequency_hz >= band.lower_hz) & (spectrum.frequency_hz <= band.upper_hz)
+    best = 2.0 * spectrum.power[:, inside].max(axis=1) - 2.0 * np.log(inside.sum())
+    return float(np.maximum(best, 0.0).sum())
 
 
 def surface_spectrum(

@@ -169,7 +169,7 @@ def hum_candidate(problem: Problem, fit: JointFit) -> Candidate | None:
         return None
     residuals = [problem.full_residual(fit, j) for j in range(len(problem.trials))]
     power = np.array([line_power(r, rate, grid) for r in residuals])
-    p = line_p_value(power, len(grid))
+    p = line_p_value(power, grid)
     k = int(np.argmin(p))
     if strict(float(p[k])) > LEVEL:
         return None

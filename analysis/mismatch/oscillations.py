@@ -266,8 +266,13 @@ def mains_lines(sample_rate_hz: float) -> FloatArray:
     return np.asarray(grid[grid < 0.45 * sample_rate_hz])
 
 
-def line_p_value(power: FloatArray, looks: int) -> FloatArray:
-    """Return for each frequency the chance (F,) that n trials' summed line power (T, F) is noise, of ``looks``."""
+def line_p_value(power: FloatArray, grid_hz: FloatArray) -> FloatArray:
+    """Return for each frequency of `mains_lines` the chance (F,) that n trials' summed power (T, F) is noise.
+
+    Over all frequencies; half of the chance goes to the few at which the mains stands by its name.
+    """
+    by_name = np.isclose(np.minimum(grid_hz % 50.0, grid_hz % 60.0), 0.0, atol=1e-6)
+    looks = 2.0 * np.where(by_name, by_name.sum(), (~by_name).sum())
     total = power.sum(axis=0)
     return np.asarray(np.minimum(1.0, looks * chi2_distribution.sf(2.0 * total, 2 * len(power))))
 

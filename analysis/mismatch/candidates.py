@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.mismatch.events import (
+    SAME_EVENT_S,
     EventAt,
     by_chance,
     event_addition,
@@ -35,7 +36,6 @@ FloatArray = NDArray[np.float64]
 REFITTED = 7
 WORTH_REFITTING = 0.08
 EVENT_MUST_EXCEED = 4.0
-SAME_EVENT_S = 0.3
 QUICK_ABOVE_HZ = 4.0
 
 

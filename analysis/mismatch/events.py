@@ -28,6 +28,7 @@ FEWEST_TIMES = 10
 STRONGEST_OF_NOISE = 2.2
 RISE_S = 0.0015
 FADING_S = (0.1, 0.6)
+SAME_EVENT_S = 0.3
 
 
 @dataclass(frozen=True)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.mismatch.events import EventAt, after, courses
+from analysis.mismatch.events import SAME_EVENT_S, EventAt, after, courses
 from analysis.mismatch.joint import JointFit
 from analysis.mismatch.linearised import column_space, linearise
 from analysis.mismatch.problem import Problem
@@ -20,10 +21,10 @@ BETTER_SHARE = 0.02
 
 @dataclass(frozen=True, slots=True)
 class GainStep:
-    """A step of the force's gain that explains the trials better than the event named for them.
+    """Steps of the force's gain that explain the trials better than the events named for them.
 
     ``better_by`` in units of chi2, over all trials; ``p_value`` the chance of so large a ratio of likelihoods if the
-    event were true; ``rms_mn`` the step's size over the trials' samples; from ``start_s`` to ``stop_s``, medians.
+    events were true; ``rms_mn`` the steps' size over the trials' samples; from ``start_s`` to ``stop_s``, medians.
     """
 
     instead_of: str
@@ -34,44 +35,59 @@ class GainStep:
     stop_s: float
 
 
-def gain_steps(problem: Problem, fit: JointFit) -> list[GainStep]:
-    """Return the gain steps, at the times of named events, that explain more than these with as many coefficients.
+def gain_step(problem: Problem, fit: JointFit) -> GainStep | None:
+    """Return the gain steps, at the times of all named events, if they explain more than these do.
 
-    No event of the library multiplies the force; a bad contact of the bridge does.
+    No event of the library multiplies the force; a bad contact of the bridge does. Each coefficient is charged 2.
     """
-    found = []
-    for addition in fit.simulation.additions:
-        event = addition.latent
-        if not isinstance(event, EventAt):
+    events = [a.latent for a in fit.simulation.additions if isinstance(a.latent, EventAt)]
+    better_by, energy, samples, starts, stops = 0.0, 0.0, 0.0, [], []
+    for j, trial in enumerate(problem.trials):
+        samples += float(trial.counts.sum())
+        times = _apart([e.times_s[trial.label] for e in events if trial.label in e.times_s])
+        if not times:
             continue
-        better_by, energy, samples, starts, stops = 0.0, 0.0, 0.0, [], []
-        for j, trial in enumerate(problem.trials):
-            samples += float(trial.counts.sum())
-            at_s = event.times_s.get(trial.label)
-            if at_s is None:
-                continue
-            own, whitener = fit.own[j], problem.whiteners[j]
-            named = event(trial, fit.simulation.tissue, own)
-            force_mn = fit.simulation.force_mn(trial, own) - own.offset_mn
-            stepped = (after(trial, np.array([at_s])) * force_mn * courses(trial, at_s)).T
-            # the others' latents stay as fitted, the event's own go back into the residual
-            latent = fit.simulation.latent_columns(trial, own)
-            line = linearise(
-                trial, whitener, fit.simulation, own, problem.trials, latent, fit.latents[j], frozen=True
-            )
-            others = line.A[:, : line.A.shape[1] - latent.shape[1]]
-            back = line.r + line.A[:, others.shape[1] :] @ fit.latents[j]
-            of_named, of_step = (_explained(back, others, whitener(c)) for c in (named, stepped))
-            better_by += of_step - of_named
-            energy += of_step * problem.white_mn**2
-            starts.append(at_s)
-            stops.append(float(trial.time_s[-1]))
-        if better_by > BETTER_SHARE * energy / problem.white_mn**2:
-            p_value = float(np.exp(-0.5 * better_by))
-            rms_mn = float(np.sqrt(energy / samples))
-            start_s, stop_s = float(np.median(starts)), float(np.median(stops))
-            name = addition.mechanism.name
-            found.append(GainStep(name, better_by, p_value, rms_mn, start_s, stop_s))
+        own, whitener, tissue = fit.own[j], problem.whiteners[j], fit.simulation.tissue
+        named = np.column_stack([e(trial, tissue, own) for e in events])
+        force_mn = fit.simulation.force_mn(trial, own) - own.offset_mn
+        stepped = np.vstack([after(trial, np.array([t])) * force_mn * courses(trial, t) for t in times]).T
+        latent = fit.simulation.latent_columns(trial, own)
+        line = linearise(
+            trial, whitener, fit.simulation, own, problem.trials, latent, fit.latents[j], frozen=True
+        )
+        # what the events took goes back into the residual; what other latents took stays out
+        of_event = np.concatenate(
+            [
+                np.full(a.latent(trial, tissue, own).shape[1], isinstance(a.latent, EventAt))
+                for a in fit.simulation.additions
+                if a.latent is not None
+            ]
+        )
+        mine = np.concatenate([np.zeros(line.A.shape[1] - len(of_event), dtype=bool), of_event])
+        back = line.r + line.A[:, mine] @ fit.latents[j][of_event]
+        of_named, of_step = (_explained(back, line.A[:, ~mine], whitener(c)) for c in (named, stepped))
+        better_by += of_step - of_named - 2.0 * (stepped.shape[1] - named.shape[1])
+        energy += of_step * problem.white_mn**2
+        starts.append(times[0])
+        stops.append(float(trial.time_s[-1]))
+    if not starts or better_by <= BETTER_SHARE * energy / problem.white_mn**2:
+        return None
+    return GainStep(
+        " and ".join(e.mechanism.name.replace("_", " ") for e in events),
+        better_by,
+        float(np.exp(-0.5 * better_by)),
+        float(np.sqrt(energy / samples)),
+        float(np.median(starts)),
+        float(np.median(stops)),
+    )
+
+
+def _apart(times_s: Sequence[float]) -> list[float]:
+    """Return times in order, those of one event only once."""
+    found: list[float] = []
+    for t in sorted(times_s):
+        if not found or t - found[-1] > SAME_EVENT_S:
+            found.append(t)
     return found
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm, poisson
 
-from analysis.mismatch.gain_step import gain_steps
+from analysis.mismatch.gain_step import gain_step
 from analysis.mismatch.joint import JointFit
 from analysis.mismatch.oscillations import stray_lines
 from analysis.mismatch.problem import Problem
@@ -58,7 +58,7 @@ def find_strays(problem: Problem, fit: JointFit) -> tuple[Stray, ...]:
     # what is left of a line that was named is its remainder, not news
     found += [s for s in lines if not any(_is_of(s.frequency_hz, f) for f in hums)]
     found += _far_off("force", force, trials)
-    found += _wandering(problem, fit) + _in_order(problem, fit) + _gain_steps(problem, fit)
+    found += _wandering(problem, fit) + _in_order(problem, fit) + _gain_step(problem, fit)
     with_command = [t for t in trials if t.has_command]
     if with_command:
         position = [_slow_taken_out(t) for t in with_command]
@@ -88,20 +88,12 @@ def _in_order(problem: Problem, fit: JointFit) -> list[Stray]:
     return [Stray("force", words, *_longest_phase(problem.trials), trend.rms_mn, trend.p_value)]
 
 
-def _gain_steps(problem: Problem, fit: JointFit) -> list[Stray]:
-    return [
-        Stray(
-            "force",
-            f"from one moment on all force is larger or smaller by a share, unlike {g.instead_of.replace('_', ' ')}",
-            "hold",
-            g.start_s,
-            g.stop_s,
-            g.rms_mn,
-            g.p_value,
-        )
-        for g in gain_steps(problem, fit)
-        if g.p_value < STRAY_LEVEL
-    ]
+def _gain_step(problem: Problem, fit: JointFit) -> list[Stray]:
+    step = gain_step(problem, fit)
+    if step is None or step.p_value >= STRAY_LEVEL:
+        return []
+    words = f"from one moment on all force is larger or smaller by a share, unlike {step.instead_of}"
+    return [Stray("force", words, "hold", step.start_s, step.stop_s, step.rms_mn, step.p_value)]
 
 
 def _longest_phase(trials: Sequence[CellTrial]) -> tuple[str, float, float]:

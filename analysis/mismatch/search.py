@@ -96,13 +96,15 @@ def _worth_naming(problem: Problem, fit: JointFit, best: Candidate, explained: f
     if len(problem.trials) < REPEATS:
         # what repeats can't be asked of one or two trials
         return best.total_gain > SINGLE_TRIAL_SHARE * explained
-    if best.mechanism.form == "oscillation":
-        # an oscillation is in every trial; what is in a few is something else's remainder
-        return float(np.mean(best.gain > 0)) >= MOST_TRIALS and best.total_gain > EXTRA_SHARE * explained
-    if best.mechanism.form == "event":
-        return best.total_gain > EXTRA_SHARE * explained
     left = max(problem.weighed_repeatable(fit), 0.0)
     slack = 2.0 * np.sqrt(2.0 * OUTSIDE)
+    if best.mechanism.form == "oscillation":
+        # an oscillation is in every trial, and does not repeat: what is in a few trials, or far less than what
+        # repeats, is something else's remainder
+        everywhere = float(np.mean(best.gain > 0)) >= MOST_TRIALS
+        return everywhere and best.total_gain > EXTRA_SHARE * explained and best.total_gain + slack > left
+    if best.mechanism.form == "event":
+        return best.total_gain > EXTRA_SHARE * explained
     share = best.total_gain / (explained + max(best.total_gain, left))
     laws = sum(a.mechanism.form == "law" for a in fit.simulation.additions)
     needed = SHARE_EXPLAINED[min(laws, 2)] if share > SMALL_SHARE else SMALL_MUST_EXPLAIN

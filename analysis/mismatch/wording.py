@@ -151,6 +151,9 @@ def latent_conditions(problem: Problem, addition: Addition, effects: Sequence[Fl
 def place(window: Window) -> str:
     """Say where and how large a window is."""
     when = f"in the {window.phase} ({window.start_s:.3g} to {window.stop_s:.3g} s)"
+    if 0.0 in (window.mean_residual_mn, window.mean_residual_um):
+        # what has no mean at any one place is said in words: single samples, a line, a trend over the trials
+        return f"{when}{', in the position' if window.signal == 'position' else ''}: {window.conditions}"
     if window.signal == "position":
         return f"{when}, the position is off by {window.mean_residual_um or 0.0:+.2g} um"
     if window.mean_residual_mn is not None and abs(window.mean_residual_mn) > 0.5 * (window.rms_mn or 0.0):

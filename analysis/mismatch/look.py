@@ -49,6 +49,10 @@ STRICT_LEVEL = 5e-4
 
 WANDERING_HZ = 0.5
 WANDERS_BELOW_HZ = 4.0
+FAINT_BELOW_HZ, FAINT_GAIN = 0.7, 5.0
+"""Where a trial holds but a few periods, a line has to gain so much a trial: noise is not known well enough there."""
+
+WIDEST = 1.6
 
 
 @dataclass(frozen=True)
@@ -144,7 +148,11 @@ def _event_scans(
     absent = [m for m in event_mechanisms() if m.name not in present]
     weighings = (problem.whiteners, slow_problem.whiteners)
     return tuple(
-        max((scan_events(m, problem.trials, w, fit) for w in weighings), key=lambda s: s.evidence)
+        max(
+            (scan_events(m, problem.trials, w, fit) for w in weighings),
+            # where much is left in every trial without its strongest step, noise was weighed wrong
+            key=lambda s: (s.width < WIDEST, s.evidence),
+        )
         for m in absent
     )
 
@@ -175,7 +183,12 @@ def _only_wanders(
         return []
     wanders = freed_evidence(problem.trials, slow_problem.whiteners, fit)
     steady = freed_evidence(problem.trials, problem.whiteners, fit)
-    return [b.mechanism for b in doubtful if line_gain(spectra[0], b) < wanders - steady]
+    found = []
+    for band in doubtful:
+        beyond = FAINT_GAIN * len(problem.trials) if band.lower_hz < FAINT_BELOW_HZ else 0.0
+        if line_gain(spectra[0], band) < max(wanders - steady, 0.0) + beyond:
+            found.append(band.mechanism)
+    return found
 
 
 def law_probes(trials: Sequence[CellTrial], present: Sequence[str]) -> list[Probe]:

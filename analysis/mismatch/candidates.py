@@ -127,7 +127,7 @@ def surface_candidates(problem: Problem, fit: JointFit, seen: Look, to_beat: flo
         f, power = _spectrum_for(band, seen).frequency_hz, _spectrum_for(band, seen).power
         if seen.p_of.get(band.mechanism, 1.0) > LEVEL:
             continue
-        inside = (f >= band.lower_hz) & (f <= band.upper_hz)
+        inside = band.holds(f)
         if 4.0 * float(power[:, inside].max(axis=1).sum()) < 0.5 * to_beat:
             continue
         centre = float(f[inside][int(np.argmax(power[:, inside].sum(axis=0)))])

@@ -161,7 +161,7 @@ def _bands_p(spectrum: Spectrum, p_value: FloatArray, present: Sequence[str]) ->
     """Return the smallest p-value in the band of each oscillation that is not in the simulation yet."""
     found = {}
     for band in bands():
-        inside = (spectrum.frequency_hz >= band.lower_hz) & (spectrum.frequency_hz <= band.upper_hz)
+        inside = band.holds(spectrum.frequency_hz)
         if band.mechanism not in present and inside.any():
             found[band.mechanism] = float(p_value[inside].min())
     return found

@@ -38,6 +38,10 @@ class Band:
     lower_hz: float
     upper_hz: float
 
+    def holds(self, frequency_hz: FloatArray) -> NDArray[np.bool_]:
+        """Mask (F,) of the frequencies that lie in the band."""
+        return (frequency_hz >= self.lower_hz) & (frequency_hz <= self.upper_hz)
+
 
 def bands() -> list[Band]:
     """Return the bands of the library's oscillations of the specimen."""
@@ -62,7 +66,7 @@ def line_gain(spectrum: Spectrum, band: Band) -> float:
 
     Less what the best of so many frequencies gains by chance.
     """
-    inside = (spectrum.frequency_hz >= band.lower_hz) & (spectrum.frequency_hz <= band.upper_hz)
+    inside = band.holds(spectrum.frequency_hz)
     best = 2.0 * spectrum.power[:, inside].max(axis=1) - 2.0 * np.log(inside.sum())
     return float(np.maximum(best, 0.0).sum())
 

@@ -22,6 +22,8 @@ SMALLEST_SHARE = 0.002
 EXTRA_SHARE = 0.02
 SINGLE_TRIAL_SHARE = 0.01
 TRIED_TOGETHER = 2
+SLACK = 2.0 * float(np.sqrt(2.0 * OUTSIDE))
+"""By how much the repeatable energy scatters: two standard deviations over all bins, in units of chi2."""
 
 
 @dataclass(frozen=True)
@@ -73,13 +75,12 @@ def _worth_together(
     before anything is named: beside a large effect two laws explain its remainder easily.
     """
     left = max(problem.weighed_repeatable(fit), 0.0)
-    slack = 2.0 * np.sqrt(2.0 * OUTSIDE)
     for first in [c for c in found if c.mechanism.form == "law"][:TRIED_TOGETHER]:
         beside = tuple(candidates(problem, first.fit, look(problem, first.fit, rng)))
         second = next((c for c in beside if c.mechanism.form == "law"), None)
         if second is None or second.total_gain < first.total_gain:
             continue
-        if first.total_gain + second.total_gain + slack >= SMALL_MUST_EXPLAIN * left:
+        if first.total_gain + second.total_gain + SLACK >= SMALL_MUST_EXPLAIN * left:
             return first, beside, second
     return None
 
@@ -97,15 +98,14 @@ def _worth_naming(problem: Problem, fit: JointFit, best: Candidate, explained: f
         # what repeats can't be asked of one or two trials
         return best.total_gain > SINGLE_TRIAL_SHARE * explained
     left = max(problem.weighed_repeatable(fit), 0.0)
-    slack = 2.0 * np.sqrt(2.0 * OUTSIDE)
     if best.mechanism.form == "oscillation":
         # an oscillation is in every trial, and does not repeat: what is in a few trials, or far less than what
         # repeats, is something else's remainder
         everywhere = float(np.mean(best.gain > 0)) >= MOST_TRIALS
-        return everywhere and best.total_gain > EXTRA_SHARE * explained and best.total_gain + slack > left
+        return everywhere and best.total_gain > EXTRA_SHARE * explained and best.total_gain + SLACK > left
     if best.mechanism.form == "event":
         return best.total_gain > EXTRA_SHARE * explained
     share = best.total_gain / (explained + max(best.total_gain, left))
     laws = sum(a.mechanism.form == "law" for a in fit.simulation.additions)
     needed = SHARE_EXPLAINED[min(laws, 2)] if share > SMALL_SHARE else SMALL_MUST_EXPLAIN
-    return bool(best.total_gain + slack >= needed * left)
+    return bool(best.total_gain + SLACK >= needed * left)

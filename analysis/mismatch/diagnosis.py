@@ -22,7 +22,7 @@ from analysis.mismatch.signatures import FEW_TRIALS, Probe, accumulate
 from analysis.mismatch.single_trials import search_few
 from analysis.mismatch.start import start_own, start_rigid, start_tissue
 from analysis.mismatch.strays import Stray, find_strays
-from analysis.mismatch.weighing import first_noise, noise_of, weighed, weighs_otherwise
+from analysis.mismatch.weighing import first_noise, loosened, noise_of, settled, weighed, weighs_otherwise
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.mechanism import Mechanism, library
 from analysis.simulation.mechanisms.finite_ramp import FiniteRamp
@@ -84,17 +84,18 @@ def diagnose(intake: Intake, *, baseline: str = "ramp", seed: int = 0) -> Diagno
     simulation = Simulation(start_tissue(trials), rigid_stiffness=start_rigid(trials), ideal_step=step)
     problem = weighed(trials, NoiseModel(first_noise(trials)))
     fit = problem.fit(simulation, start_own(trials), rounds=25)
-    noise = noise_of(problem, fit)
-    problem = weighed(trials, noise)
-    fit = problem.fit(fit.simulation, fit.own)
+    problem, fit, noise = settled(trials, noise_of(problem, fit), fit.simulation, fit.own)
     ramp = _finite_ramp(problem, fit, rng) if step else None
     search_all = search_few if nothing_repeats(trials) else search
     named = search_all(problem, fit if ramp is None else ramp.fit, rng)
     measured = noise_of(problem, named.fits[-1]) if named.chosen else noise
-    if weighs_otherwise(noise, measured, trials[0].sample_rate_hz):
+    scatter_mn = loosened(problem, named.fits[-1]).scatter_mn if named.chosen else problem.scatter_mn
+    if weighs_otherwise(noise, measured, trials[0].sample_rate_hz) or scatter_mn < 0.5 * problem.scatter_mn:
         # large effects had been taken for noise: search again without them in it
         noise = measured
         problem = weighed(trials, noise)
+        if scatter_mn:
+            problem = loosened(problem, named.fits[-1])
         fit = problem.fit(fit.simulation, fit.own)
         if ramp is not None:
             ramp = _finite_ramp(problem, fit, rng)

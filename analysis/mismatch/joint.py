@@ -115,7 +115,7 @@ def _spread_over_trials(
     lines: Sequence[Linearised], cost: FloatArray, simulation: Simulation, trials: Sequence[CellTrial]
 ) -> tuple[FloatArray, FloatArray]:
     """Return the sandwich covariance (P, P), zero for what is at its bound, and each trial's held-out cost (T,)."""
-    parts = [_reduced(line)[:2] for line in lines]
+    parts = [reduced(line)[:2] for line in lines]
     gradients = np.array([g for _, g in parts])
     n = len(lines)
     if not gradients.size:
@@ -169,7 +169,7 @@ def _linearise_all(
     return lines, np.array([float(line.r @ line.r) for line in lines])
 
 
-def _reduced(line: Linearised) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def reduced(line: Linearised) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return J'J, J'r after the own columns are projected out, and their coefficients on r and J."""
     stacked = np.column_stack([line.r, line.J])
     left, beta = project_out(line.A, stacked)
@@ -184,7 +184,7 @@ def _normal_equations(
     hessian, gradient = np.zeros((p, p)), np.zeros(p)
     betas = []
     for line in lines:
-        h, g, beta_r, beta_J = _reduced(line)
+        h, g, beta_r, beta_J = reduced(line)
         hessian += h
         gradient += g
         betas.append((beta_r, beta_J))

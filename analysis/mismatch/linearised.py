@@ -44,14 +44,9 @@ def linearise(
     ``frozen`` leaves the shared parameters out (P = 0).
     """
     force = simulation.force_mn(trial, own)
-    vector = np.zeros(0) if frozen else simulation.vector(trials)
-    parameters = [] if frozen else simulation.parameters(trials)
-    columns = np.empty((len(force), len(vector)))
-    for k, parameter in enumerate(parameters):
-        step = _step(parameter, float(vector[k]))
-        moved = vector.copy()
-        moved[k] += step
-        columns[:, k] = (simulation.moved_to(moved, trials).force_mn(trial, own) - force) / step
+    columns = (
+        shared_columns(trial, simulation, own, trials, force) if not frozen else np.empty((len(force), 0))
+    )
     own_columns = [np.ones_like(force)] if trial.frees_offset else []
     if trial.touches:
         deeper = simulation.force_mn(trial, replace(own, z0_mm=own.z0_mm + Z0_STEP_MM))
@@ -67,6 +62,24 @@ def linearise(
             # a trial begins before contact: a contact point at its beginning has nowhere to go
             A[:, at] = 0.0
     return Linearised(r, J, A)
+
+
+def shared_columns(
+    trial: CellTrial,
+    simulation: Simulation,
+    own: PerTrial,
+    trials: Sequence[CellTrial],
+    force_mn: FloatArray,
+) -> FloatArray:
+    """Return the derivatives (n, P) of a trial's simulated force (n,) by the shared parameters of the fit, mN."""
+    vector = simulation.vector(trials)
+    columns = np.empty((len(force_mn), len(vector)))
+    for k, parameter in enumerate(simulation.parameters(trials)):
+        step = _step(parameter, float(vector[k]))
+        moved = vector.copy()
+        moved[k] += step
+        columns[:, k] = (simulation.moved_to(moved, trials).force_mn(trial, own) - force_mn) / step
+    return columns
 
 
 def _step(parameter: Parameter, fitted: float) -> float:

@@ -146,7 +146,8 @@ def _event_scans(
     A step in noise that wanders is no event, and events are no wander: noise is weighed the way that explains more.
     """
     absent = [m for m in event_mechanisms() if m.name not in present]
-    weighings = (problem.whiteners, slow_problem.whiteners)
+    # an event's scan has its own account of how tissues scatter
+    weighings = tuple([w.tight for w in p.whiteners] for p in (problem, slow_problem))
     return tuple(
         max(
             (scan_events(m, problem.trials, w, fit) for w in weighings),

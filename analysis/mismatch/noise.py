@@ -7,6 +7,7 @@ sign-flips over trials).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,6 +48,33 @@ class NoiseModel:
         return white + sum(4.0 * v * t / (1.0 + (2 * np.pi * frequency_hz * t) ** 2) for v, t in self.parts)
 
 
+@dataclass(frozen=True)
+class Loose:
+    """What a trial deviates by: orthonormal directions U (n, q) of its whitened cells, their sizes s (q,).
+
+    ``columns_mn`` (N, q): the same deviations over all cells, one for each direction, in units of their size.
+    """
+
+    directions: FloatArray
+    sizes: FloatArray
+    columns_mn: FloatArray
+
+    @staticmethod
+    def along(whitened: FloatArray, columns_mn: FloatArray) -> Loose:
+        """Return the deviations along columns of unit variance."""
+        u, s, vt = np.linalg.svd(whitened, full_matrices=False)
+        return Loose(u, s, columns_mn @ vt.T)
+
+    def shrunk(self, whitened: FloatArray) -> FloatArray:
+        """Return (1 + B B')^-1/2 y for whitened columns y (n, m)."""
+        shrink = 1.0 - 1.0 / np.sqrt(1.0 + self.sizes**2)
+        return whitened - self.directions @ (shrink[:, None] * (self.directions.T @ whitened))
+
+    def expected(self, whitened: FloatArray) -> FloatArray:
+        """Return the expected deviation (N,) mN, given a whitened residual (n,)."""
+        return self.columns_mn @ (self.sizes / (1.0 + self.sizes**2) * (self.directions.T @ whitened))
+
+
 class Whitener:
     """Turns columns over one trial's cells into columns whose noise is white with unit variance.
 
@@ -57,6 +85,7 @@ class Whitener:
     def __init__(self, trial: CellTrial, noise: NoiseModel) -> None:
         use = trial.fitted
         self._use = use
+        self._loose: Loose | None = None
         self._t = np.ascontiguousarray(trial.time_s[use])
         counts = trial.counts[use]
         width_s = counts / trial.sample_rate_hz
@@ -92,6 +121,30 @@ class Whitener:
         """What each fitted cell is multiplied by (n,), 1/mN: the inverse of its noise, given the cells before it."""
         return self._scale
 
+    @property
+    def tight(self) -> Whitener:
+        """The same noise without what the trial may deviate by."""
+        if self._loose is None:
+            return self
+        found = copy(self)
+        found._loose = None
+        return found
+
+    def loosened(self, columns_mn: FloatArray) -> Whitener:
+        """Return a whitener to which a trial also deviates by ``columns_mn`` (n, q), each of unit variance.
+
+        The covariance of the whitened cells gains B B', B the whitened columns; (1 + B B')^-1/2 is applied to them.
+        """
+        found = copy(self)
+        found._loose = Loose.along(self.tight(columns_mn), columns_mn)
+        return found
+
+    def settled(self, residual_mn: FloatArray) -> FloatArray:
+        """Return a residual (n,) mN less what the trial deviates by, by its expectation given the residual."""
+        if self._loose is None:
+            return residual_mn
+        return residual_mn - self._loose.expected(self.tight(residual_mn))
+
     def __call__(self, columns: FloatArray) -> FloatArray:
         """Return the columns (n,) or (n, m) over the fitted cells, whitened."""
         part = columns[self._use]
@@ -101,6 +154,8 @@ class Whitener:
             c, U, W = self._factor
             y = driver.solve_lower(self._t, c, U, W, y, np.empty_like(y))
         y = y * self._scale[:, None]
+        if self._loose is not None:
+            y = self._loose.shrunk(y)
         return y[:, 0] if flat else y
 
 

@@ -23,11 +23,15 @@ REPEATS = 3
 
 @dataclass(frozen=True)
 class Problem:
-    """The trials to be explained, with the weights of their cells."""
+    """The trials to be explained, with the weights of their cells.
+
+    ``scatter_mn``: by how much (rms over all samples) repeats were seen to differ in their tissue.
+    """
 
     trials: tuple[CellTrial, ...]
     whiteners: tuple[Whitener, ...]
     white_mn: float
+    scatter_mn: float = 0.0
 
     @property
     def common_rate_hz(self) -> float | None:
@@ -40,7 +44,14 @@ class Problem:
         return fit_jointly(self.trials, self.whiteners, simulation, own, rounds=rounds)
 
     def residual(self, fit: JointFit, j: int) -> FloatArray:
-        """Return what a fit leaves of one trial's cells, (n,), mN."""
+        """Return what a fit leaves of one trial's cells, (n,), mN, less what repeats of it deviate by."""
+        return self.whiteners[j].settled(self._unsettled(fit, j))
+
+    def weighed_residual(self, fit: JointFit, j: int) -> FloatArray:
+        """Return what a fit leaves of one trial's fitted cells, whitened, (m,)."""
+        return self.whiteners[j](self._unsettled(fit, j))
+
+    def _unsettled(self, fit: JointFit, j: int) -> FloatArray:
         t, o = self.trials[j], fit.own[j]
         return (
             t.force_mn - fit.simulation.force_mn(t, o) - fit.simulation.latent_columns(t, o) @ fit.latents[j]
@@ -71,8 +82,8 @@ class Problem:
     def weighed_repeatable(self, fit: JointFit) -> float:
         """Return the repeatable energy of the whitened residual: in the units in which gains are counted."""
         sums = np.zeros((len(self.trials), OUTSIDE))
-        for j, (trial, whitener) in enumerate(zip(self.trials, self.whiteners, strict=True)):
-            r = whitener(self.residual(fit, j))
+        for j, trial in enumerate(self.trials):
+            r = self.weighed_residual(fit, j)
             bins = bins_of(trial, fit.own[j].z0_mm)[trial.fitted]
             size = np.maximum(np.bincount(bins, minlength=OUTSIDE + 1)[:OUTSIDE], 1)
             sums[j] = np.bincount(bins, weights=r, minlength=OUTSIDE + 1)[:OUTSIDE] / np.sqrt(size)

@@ -103,8 +103,8 @@ def _found(problem: Problem, fit: JointFit, seen: Look, rng: np.random.Generator
 def _block_p(problem: Problem, before: JointFit, after: JointFit, rng: np.random.Generator) -> float:
     """Return the p-value of a gain by the signs of what blocks of the trials gain."""
     gains = []
-    for j, (trial, whitener) in enumerate(zip(problem.trials, problem.whiteners, strict=True)):
-        gain = whitener(problem.residual(before, j)) ** 2 - whitener(problem.residual(after, j)) ** 2
+    for j, trial in enumerate(problem.trials):
+        gain = problem.weighed_residual(before, j) ** 2 - problem.weighed_residual(after, j) ** 2
         edges = block_edges(trial.phase[trial.fitted])
         gains.append(np.add.reduceat(gain, edges[:-1]))
     scores = np.concatenate(gains)[:, None]

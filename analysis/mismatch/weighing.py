@@ -7,10 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.mismatch.joint import JointFit
+from analysis.mismatch.joint import JointFit, reduced
+from analysis.mismatch.linearised import linearise, shared_columns
 from analysis.mismatch.noise import NoiseModel, Whitener, measure_noise
 from analysis.mismatch.problem import REPEATS, Problem
+from analysis.mismatch.shared import Simulation
+from analysis.mismatch.tissue_scatter import scatter_of_repeats
 from analysis.simulation.cells import CellTrial
+from analysis.simulation.forward import PerTrial
 
 FloatArray = NDArray[np.float64]
 
@@ -55,6 +59,61 @@ def noise_of(problem: Problem, fit: JointFit) -> NoiseModel:
 def weighed(trials: Sequence[CellTrial], noise: NoiseModel) -> Problem:
     """Return the problem with its cells weighed by a noise model."""
     return Problem(tuple(trials), tuple(Whitener(t, noise) for t in trials), noise.white_mn)
+
+
+def loosened(problem: Problem, fit: JointFit) -> Problem:
+    """Return the problem with its trials free to deviate in their tissue as repeats of one condition are seen to.
+
+    A gain or a finger that differs from trial to trial is noise, far larger than that of the samples.
+    """
+    additions = fit.simulation.additions
+    of_laws = sum(len(a.mechanism.parameters) for a in additions if a.mechanism.form == "law")
+    information, gradients, columns = [], [], []
+    for trial, whitener, own, latents in zip(
+        problem.trials, problem.whiteners, fit.own, fit.latents, strict=True
+    ):
+        latent = fit.simulation.latent_columns(trial, own)
+        line = linearise(trial, whitener.tight, fit.simulation, own, problem.trials, latent, latents)
+        tissue = line.J.shape[1] - of_laws
+        H, g, _, _ = reduced(line)
+        information.append(H[:tissue, :tissue])
+        gradients.append(g[:tissue])
+        force_mn = fit.simulation.force_mn(trial, own)
+        columns.append(shared_columns(trial, fit.simulation, own, problem.trials, force_mn)[:, :tissue])
+    scatter = scatter_of_repeats(information, gradients, [t.condition for t in problem.trials])
+    if not scatter.spread.shape[1]:
+        return Problem(problem.trials, tuple(w.tight for w in problem.whiteners), problem.white_mn)
+    deviations = [c @ scatter.spread for c in columns]
+    energy = sum(
+        float(t.counts @ (d**2).sum(axis=1)) for t, d in zip(problem.trials, deviations, strict=True)
+    )
+    samples = sum(float(t.counts.sum()) for t in problem.trials)
+    return Problem(
+        problem.trials,
+        tuple(w.tight.loosened(d) for w, d in zip(problem.whiteners, deviations, strict=True)),
+        problem.white_mn,
+        float(np.sqrt(energy / samples)),
+    )
+
+
+def settled(
+    trials: Sequence[CellTrial], noise: NoiseModel, simulation: Simulation, own: Sequence[PerTrial]
+) -> tuple[Problem, JointFit, NoiseModel]:
+    """Return trials weighed by noise and by how repeats deviate, a simulation fitted to them, and the noise.
+
+    Where repeats deviate, the noise is measured again without that.
+    """
+    problem = weighed(trials, noise)
+    fit = problem.fit(simulation, own)
+    if len(trials) < REPEATS:
+        return problem, fit, noise
+    loose = loosened(problem, fit)
+    if not loose.scatter_mn:
+        return problem, fit, noise
+    fit = loose.fit(fit.simulation, fit.own)
+    noise = noise_of(loose, fit)
+    problem = loosened(weighed(trials, noise), fit)
+    return problem, problem.fit(fit.simulation, fit.own), noise
 
 
 def weighs_otherwise(before: NoiseModel, after: NoiseModel, sample_rate_hz: float) -> bool:

@@ -23,6 +23,7 @@ FloatArray = NDArray[np.float64]
 
 SERVO = "servo_bandwidth"
 HUM_GRID_HZ = 0.05
+HUM_STRETCH_S = 1.0
 FREQUENCY_GRID = 0.028
 CLOCK_S = 1e-3
 
@@ -123,7 +124,7 @@ def latent_quantities(problem: Problem, fit: JointFit, k: int) -> dict[str, Quan
     """Return the quantities of an oscillation or an event from each trial's own coefficients."""
     addition = fit.simulation.additions[k]
     if addition.hum is not None:
-        return _hum_quantities(problem, addition.mechanism, addition.hum)
+        return _hum_quantities(problem, fit, addition.mechanism, addition.hum)
     own = own_coefficients(problem, fit, k)
     if not own:
         return {}
@@ -139,13 +140,27 @@ def latent_quantities(problem: Problem, fit: JointFit, k: int) -> dict[str, Quan
     }
 
 
-def _hum_quantities(problem: Problem, mechanism: Mechanism, hum: Hum) -> dict[str, Quantity]:
-    """Return amplitude and frequency of a line; white noise adds 4 sigma^2 / N to its amplitude's square."""
-    sizes = []
-    for t in problem.trials:
-        c, s = hum.quadratures_mn.get(t.label, (0.0, 0.0))
-        sizes.append(c**2 + s**2 - 4.0 * problem.white_mn**2 / float(t.counts.sum()))
-    amplitude = _mean_of(np.sqrt(np.maximum(np.array(sizes), 0.0)))
+def _hum_quantities(problem: Problem, fit: JointFit, mechanism: Mechanism, hum: Hum) -> dict[str, Quantity]:
+    """Return amplitude and frequency of a line, from its power in stretches of ``HUM_STRETCH_S``.
+
+    In a whole trial a line that wanders by a fraction of a hertz loses some of its amplitude to itself. Noise adds
+    4 sigma^2 / N to the amplitude's square in N samples.
+    """
+    powers = []
+    for j, t in enumerate(problem.trials):
+        n = max(round(HUM_STRETCH_S * t.sample_rate_hz), 8)
+        line_and_noise = problem.full_residual(fit, j)
+        first = int(t.starts[np.argmax(t.fitted)])
+        time_s = (first + np.arange(len(line_and_noise))) / t.sample_rate_hz
+        line_and_noise = line_and_noise + hum.at(t.label, time_s)
+        turning = np.exp(-2j * np.pi * hum.frequency_hz * time_s)
+        whole = len(time_s) // n * n
+        stretches = (line_and_noise * turning)[:whole].reshape(-1, n)
+        of_line = np.abs(2.0 * stretches.mean(axis=1)) ** 2
+        powers.append(float(of_line.mean()) - 4.0 * problem.white_mn**2 / n)
+    power, error = _mean_of(np.array(powers))
+    size = float(np.sqrt(max(power, error)))
+    amplitude = size, error / (2.0 * size)
     return {
         "amplitude_mn": _quantity(mechanism, "amplitude_mn", *amplitude),
         "frequency_hz": _quantity(
@@ -190,8 +205,11 @@ def event_times(problem: Problem, addition: Addition) -> dict[int, float]:
 def _event_quantities(
     problem: Problem, addition: Addition, own: Sequence[OwnCoefficients]
 ) -> dict[str, Quantity]:
-    sizes = np.array([float(o.coefficients[0]) for o in own])
-    errors = np.array([float(np.sqrt(max(o.covariance[0, 0], 0.0))) for o in own])
+    # a punch that slips loses its force at once, of which the tissue may win some back: what is left soon after is the
+    # drop. A surface that swings back by some part has shifted by what lasts.
+    lasting = np.array([1.0, 0.0, 1.0] if addition.mechanism.stage == "contact" else [1.0, 0.0, 0.0])
+    sizes = np.array([float(lasting @ o.coefficients) for o in own])
+    errors = np.array([float(np.sqrt(max(lasting @ o.covariance @ lasting, 0.0))) for o in own])
     sign = float(np.sign(sizes[0]))
     alike = bool(np.all(np.sign(sizes) == sign))
     size = _mean_of(np.abs(sizes), errors)

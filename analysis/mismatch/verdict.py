@@ -89,7 +89,7 @@ def make_report(
         remainder=remainder if verdict in ("named", "one_of") else None,
         next_experiment=next_experiment,
         left_out=diagnosis.intake.left_out,
-        notes=(*diagnosis.intake.notes, *_contact_notes(diagnosis), *tolerated),
+        notes=(*diagnosis.intake.notes, *_contact_notes(diagnosis), *_scatter_notes(diagnosis), *tolerated),
         tolerance_mn=tolerance_mn,
         seed=seed,
     )
@@ -121,6 +121,18 @@ def _contact_notes(diagnosis: Diagnosis) -> tuple[str, ...]:
         f"In {at_once} of {len(diagnosis.problem.trials)} trials the force changes from the first motion on. A trial "
         "begins before contact, so the force at its beginning is taken as zero; had the punch pressed already, that "
         "force would be a preload, and a pull on the way back none.",
+    )
+
+
+def _scatter_notes(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Return by how much repeats differ, where that is more than noise."""
+    scatter_mn = diagnosis.problem.scatter_mn
+    if not scatter_mn:
+        return ()
+    return (
+        f"Trials of one condition differ from each other by {wording.force(scatter_mn)} rms beyond their noise, as if "
+        "each had a gain or a tissue a little of its own. Every trial was allowed such a deviation; what is said "
+        "here lies beyond it.",
     )
 
 

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.mismatch.amplitude_t import amplitude_p_value
 from analysis.mismatch.events import (
     EventScan,
     event_mechanisms,
     event_p_value,
     scan_events,
 )
-from analysis.mismatch.few_trials import few_trials_p_value
 from analysis.mismatch.freed import freed_evidence, freed_residuals
 from analysis.mismatch.joint import JointFit
 from analysis.mismatch.oscillations import (
@@ -46,6 +46,9 @@ LAWS_SHARE, BINS_SHARE, SPECTRA_SHARE, EVENTS_SHARE = 0.6, 0.15, 0.2, 0.05
 
 STRICT_LEVEL = 5e-4
 """The same chance for tests that trust noise to be near Gaussian, which it is not quite."""
+
+T_LEVEL = 0.002
+"""The same chance for amplitudes judged by their t, which trusts trials to scatter nearly as Gaussian numbers do."""
 
 WANDERING_HZ = 0.5
 WANDERS_BELOW_HZ = 4.0
@@ -117,8 +120,9 @@ def look(problem: Problem, fit: JointFit, rng: np.random.Generator) -> Look:
     for probe, p in zip(probes, test.p_value, strict=False):
         p_of[probe.mechanism.name] = min(p_of.get(probe.mechanism.name, 1.0), float(p))
     if many:
-        for probe, p in zip(probes, few_trials_p_value(signatures), strict=True):
-            p_of[probe.mechanism.name] = min(p_of[probe.mechanism.name], strict(float(p)))
+        for probe, p in zip(probes, amplitude_p_value(signatures, rng), strict=True):
+            by_t = min(1.0, float(p) * LEVEL / T_LEVEL)
+            p_of[probe.mechanism.name] = min(p_of[probe.mechanism.name], by_t)
     m = len(probes)
     bin_p = test.p_value[m : m + 2 * OUTSIDE].reshape(2, OUTSIDE)
     at = m + 2 * OUTSIDE

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.mismatch.amplitude_t import CONTRIBUTES, FEWEST_TRIALS
 from analysis.mismatch.diagnosis import Diagnosis
-from analysis.mismatch.few_trials import FEW_CONTRIBUTE
 from analysis.mismatch.joint import JointFit
 from analysis.mismatch.linearised import linearise, project_out
 from analysis.mismatch.noise import Whitener
@@ -25,6 +25,8 @@ FloatArray = NDArray[np.float64]
 MOST_ITEMS = 4
 SLIGHT = 0.01
 LAWS_HOLD_TO = 1e-3
+SHOWN_BY_T = 6.0
+"""Strength at which a t over trials is significant beside all others, with some to spare."""
 
 
 @dataclass(frozen=True)
@@ -108,10 +110,10 @@ class Separation:
         return float(e.sum() / np.sqrt(max(float((e**2 + e).sum()), 1e-300)))
 
     def can_show(self, critical: float) -> bool:
-        """Whether the trials could make it significant: by flips, or, few but alike, by their spread."""
+        """Whether the trials could make it significant: by flips, or, where enough speak of it, by a t."""
         e = self.energy
-        few = e.sum() ** 2 / max(float((e**2).sum()), 1e-300) < FEW_CONTRIBUTE
-        return self.flip_statistic >= critical or (few and int((e > 0.03 * e.max()).sum()) >= 3)
+        enough = int((e > CONTRIBUTES * e.max()).sum()) >= FEWEST_TRIALS
+        return self.flip_statistic >= critical or (enough and float(np.sqrt(e.sum())) >= SHOWN_BY_T)
 
 
 def separation(

@@ -63,35 +63,36 @@ def scatter_of_repeats(
     """
     labels = np.asarray(conditions)
     p = len(gradients[0])
-    groups = [np.flatnonzero(labels == c) for c in np.unique(labels)]
-    repeated = [g for g in groups if len(g) > 1]
+    repeated = [g for g in (np.flatnonzero(labels == c) for c in np.unique(labels)) if len(g) > 1]
     freedom = sum(len(g) - 1 for g in repeated)
     if freedom < FEWEST_FREEDOM or not p:
         return Scatter.none(p)
     members = np.concatenate(repeated)
-    n = len(members)
     to_unit = _to_unit(np.mean([information[j] for j in members], axis=0))
-    H = {j: to_unit.T @ information[j] @ to_unit for j in members}
-    g = {j: to_unit.T @ gradients[j] for j in members}
-    for group in repeated:
-        of_group = sum(H[j] for j in group)
-        mean = np.linalg.pinv(of_group, rcond=1e-12, hermitian=True) @ sum(g[j] for j in group)
-        g.update({j: g[j] - H[j] @ mean for j in group})
-    Hs, gs = np.array([H[j] for j in members]), np.array([g[j] for j in members])
+    H = np.array([to_unit.T @ information[j] @ to_unit for j in members])
+    g = np.array([to_unit.T @ gradients[j] for j in members])
+    # (members, groups): a group's mean is taken with the weights of its members, and spread over them
+    one_of = np.equal.outer(labels[members], np.unique(labels[members])).astype(np.float64)
+    share = one_of / one_of.sum(axis=0)
+    of_group = np.einsum("jc,jpq->cpq", one_of, H)
+    mean = np.einsum("cpq,cq->cp", np.linalg.pinv(of_group, rcond=1e-12, hermitian=True), one_of.T @ g)
     unit = np.eye(to_unit.shape[1])
-    guess = np.linalg.solve(Hs + unit, gs[:, :, None])[:, :, 0]
-    covariance = guess.T @ guess / freedom + unit
+    covariance = unit
     for _ in range(ROUNDS):
+        left = g - np.einsum("jpq,jq->jp", H, one_of @ mean)
         # (S^-1 + H)^-1 = S (1 + H S)^-1
-        posterior = covariance @ np.linalg.inv(unit + Hs @ covariance)
-        expected = np.einsum("jpq,jq->jp", posterior, gs)
-        covariance = (posterior.sum(axis=0) + expected.T @ expected * (n / freedom)) / n
+        posterior = covariance @ np.linalg.inv(unit + H @ covariance)
+        expected = np.einsum("jpq,jq->jp", posterior, left)
+        mean = mean + share.T @ expected
+        expected = expected - one_of @ (share.T @ expected)
+        covariance = posterior.mean(axis=0) + expected.T @ expected / freedom
         covariance = 0.5 * (covariance + covariance.T)
+    left = g - np.einsum("jpq,jq->jp", H, one_of @ mean)
     variance, directions = np.linalg.eigh(covariance)
     much = variance > (1.0 + np.sqrt(len(unit) / freedom)) ** 2 - 1.0
     kept = directions[:, much] * np.sqrt(variance[much])
-    within = np.eye(kept.shape[1]) + np.einsum("pk,jpq,ql->jkl", kept, Hs, kept)
-    along = gs @ kept
+    within = np.eye(kept.shape[1]) + np.einsum("pk,jpq,ql->jkl", kept, H, kept)
+    along = left @ kept
     explained = np.einsum("jk,jk->", along, np.linalg.solve(within, along[:, :, None])[:, :, 0])
     gain = float(explained - np.sum(np.linalg.slogdet(within)[1]))
     return Scatter(to_unit @ kept, gain) if gain > 0 else Scatter.none(p)

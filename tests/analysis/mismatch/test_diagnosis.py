@@ -67,6 +67,22 @@ def test_a_law_is_named_and_measured(
 
 
 @pytest.mark.parametrize(
+    ("effect", "names"), [("", []), ('name = "adhesion"\npull_off_mn = 4.0', ["adhesion"])]
+)
+def test_a_gain_of_its_own_in_every_trial_is_no_mismatch_and_hides_none(
+    effect: str, names: list[str]
+) -> None:
+    noise = "seed = 8\n[noise]\ngain_jitter = 0.01\n"
+    body = f"[[effects]]\n{effect}\n" if effect else ""
+    trials = bench_trials(noise + body, study_plans(depths_mm=(0.2, 0.5, 0.8), repeats=4))
+    found = diagnose(take_in_memory(trials), seed=1)
+    report = make_report(found, baseline="ramp", seed=1, tolerance_mn=0.3)
+    assert _names(found) == names
+    assert report.verdict == ("named" if names else "no_mismatch")
+    assert any("differ from each other" in note for note in report.notes)
+
+
+@pytest.mark.parametrize(
     ("effect", "name"),
     [
         ('name = "mains_hum"\namplitude_mn = 0.1\nfrequency_hz = 50.0', "mains_hum"),

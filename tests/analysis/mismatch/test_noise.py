@@ -4,6 +4,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.signal import lfilter
 
 from analysis.mismatch.noise import NoiseModel, Whitener, measure_noise
@@ -30,6 +32,30 @@ def test_white_noise_is_weighed_by_its_count() -> None:
     cells = _cells()
     y = np.random.default_rng(4).normal(size=len(cells.time_s))
     np.testing.assert_allclose(Whitener(cells, NoiseModel(0.3))(y), y * np.sqrt(cells.counts) / 0.3)
+
+
+@given(
+    sizes=st.lists(st.floats(1e-3, 1e3), min_size=1, max_size=3),
+    correlated=st.booleans(),
+    seed=st.integers(0, 2**31),
+)
+@settings(deadline=None, max_examples=30)
+def test_a_trial_that_may_deviate_is_weighed_by_the_whole_covariance(
+    sizes: list[float], correlated: bool, seed: int
+) -> None:
+    cells, rng = _cells(120), np.random.default_rng(seed)
+    noise = NoiseModel(0.3, ((0.05, 0.1),) if correlated else ())
+    lag = np.abs(cells.time_s[:, None] - cells.time_s)
+    of_noise = sum(v * np.exp(-lag / t) for v, t in noise.parts) + np.diag(0.09 / cells.counts)
+    deviations = rng.normal(size=(120, len(sizes))) * sizes
+    y = rng.normal(size=120)
+    solved = np.linalg.solve(of_noise + deviations @ deviations.T, y)
+    loose = Whitener(cells, noise).loosened(deviations)
+    assert loose(y) @ loose(y) == pytest.approx(y @ solved, rel=1e-6)
+    # what is left is a small difference of large numbers
+    atol = 1e-9 * float(np.max(sizes)) + 1e-6
+    np.testing.assert_allclose(loose.settled(y), of_noise @ solved, rtol=1e-4, atol=atol)
+    np.testing.assert_array_equal(loose.tight(y), Whitener(cells, noise)(y))
 
 
 @pytest.mark.parametrize("share", [0.0, 0.5])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.mismatch.tissue_scatter import scatter_over
+from analysis.mismatch.tissue_scatter import Scatter, scatter_of_repeats, scatter_over
 from analysis.mismatch.wandering_tone import wandering_tone
 
 RATE = 8000.0
@@ -11,6 +11,44 @@ RATE = 8000.0
 
 def _columns(rng: np.random.Generator, n_trials: int = 20) -> list[np.ndarray]:
     return [rng.normal(size=(400, 4)) * [1.0, 10.0, 0.1, 1.0] for _ in range(n_trials)]
+
+
+def _repeats(deviation: np.ndarray, *, of_condition: float, seed: int) -> Scatter:
+    """Scatter of 20 trials under 4 conditions whose three parameters deviate by ``deviation`` times a number each.
+
+    ``of_condition``: what all trials of a condition share.
+    """
+    rng = np.random.default_rng(seed)
+    information, gradients, conditions = [], [], []
+    shared = of_condition * rng.normal(size=4)
+    for j in range(20):
+        root = rng.normal(size=(3, 3)) + 2.0 * np.eye(3)
+        H = (1.0 + j % 4) * root.T @ root
+        noise = np.linalg.cholesky(H) @ rng.normal(size=3)
+        information.append(H)
+        gradients.append(H @ (deviation * rng.normal() + deviation * shared[j % 4]) + noise)
+        conditions.append(f"condition {j % 4}")
+    return scatter_of_repeats(information, gradients, conditions)
+
+
+def test_repeats_that_are_alike_but_for_noise_deviate_by_little() -> None:
+    # what is shared by a condition's trials repeats, and is no scatter however large it is
+    found = [_repeats(np.zeros(3), of_condition=0.0, seed=s) for s in range(50)]
+    found += [_repeats(np.array([1e-6, 0.0, 0.0]), of_condition=1e7, seed=s) for s in range(50)]
+    # the largest of three noise variances exceeds its edge in a few of a hundred; each then holds about one sigma
+    assert sum(f.spread.shape[1] for f in found) <= 15
+
+
+@pytest.mark.parametrize("size", [3.0, 100.0])
+def test_repeats_that_deviate_are_measured(size: float) -> None:
+    direction = np.array([1.0, -2.0, 0.5])
+    found = _repeats(size * direction, of_condition=0.0, seed=4)
+    assert found.gain > 50.0
+    covariance = found.spread @ found.spread.T
+    strongest = np.linalg.eigh(covariance)[1][:, -1]
+    assert abs(strongest @ direction) / np.linalg.norm(direction) > 0.999
+    # 16 degrees of freedom tell a standard deviation to 18 %; five of these are a chance below one in a million
+    assert np.sqrt(np.trace(covariance)) == pytest.approx(size * np.linalg.norm(direction), rel=0.9)
 
 
 def test_one_tissue_for_all_scatters_in_no_direction() -> None:

@@ -1,4 +1,8 @@
-"""Significance of what lives in few trials: a moderated t over them, since flipping their signs can tell too little."""
+"""Significance of a law's amplitude by a moderated t over trials, where flipping their signs can tell too little.
+
+A flip test of n trials cannot exceed sqrt(n): an effect stands among its own flips. A t-test takes the scatter of the
+trials about the amplitude, which holds no effect, and trusts it to be near Gaussian.
+"""
 
 from __future__ import annotations
 
@@ -6,35 +10,37 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.special import digamma, polygamma
+from scipy.stats import norm
 from scipy.stats import t as student_t
 
 from analysis.mismatch.signatures import Signatures
 
 FloatArray = NDArray[np.float64]
 
-
-FEW_CONTRIBUTE = 12.0
 CONTRIBUTES = 0.03
-MOST_FREEDOM = 12.0
+FEWEST_EFFECTIVE = 2.0
+FEWEST_TRIALS = 3
+MOST_FREEDOM = 40.0
+DRAWS = 20_000
 
 
-def few_trials_p_value(signatures: Signatures) -> FloatArray:
-    """Return p-values (M,) of probes that live in so few trials that flipping trials can't make them significant.
+def amplitude_p_value(signatures: Signatures, rng: np.random.Generator) -> FloatArray:
+    """Return p-values (M,) of the probes' amplitudes, over all probes together.
 
-    The amplitude is estimated in each contributing trial; a moderated t over these, Bonferroni over such probes. It
-    trusts the scores of different trials to be Gaussian about one amplitude, but takes their spread from what it is
-    for all probes. Probes that most trials speak of have p-value 1 here.
+    The amplitude is estimated from each trial that contributes; its t takes the trials' scatter about it, drawn
+    towards the other probes'. How large the largest of so many t is by chance is drawn from Gaussian scores that are
+    correlated as the signatures are. Probes that fewer than three trials speak of have p-value 1.
     """
     norm2 = signatures.trial_norm2
+    p_value = np.ones(norm2.shape[1])
     effective = norm2.sum(axis=0) ** 2 / np.maximum((norm2**2).sum(axis=0), 1e-300)
     seen = np.flatnonzero(
-        (signatures.norm > 1e-4 * np.maximum(signatures.raw_norm, 1e-12)) & (effective > 2.0)
+        (signatures.norm > 1e-4 * np.maximum(signatures.raw_norm, 1e-12)) & (effective > FEWEST_EFFECTIVE)
     )
-    used = norm2[:, seen] > CONTRIBUTES * norm2[:, seen].max(axis=0)
-    seen, used = seen[used.sum(axis=0) >= 3], used[:, used.sum(axis=0) >= 3]
-    p_value = np.ones(norm2.shape[1])
-    few = effective[seen] < FEW_CONTRIBUTE
-    if not few.any():
+    used = norm2[:, seen] > CONTRIBUTES * norm2[:, seen].max(axis=0, initial=0.0)
+    enough = used.sum(axis=0) >= FEWEST_TRIALS
+    seen, used = seen[enough], used[:, enough]
+    if not len(seen):
         return p_value
     weight = np.where(used, norm2[:, seen], 0.0)
     score = np.where(used, signatures.trial_scores[:, seen], 0.0)
@@ -44,8 +50,13 @@ def few_trials_p_value(signatures: Signatures) -> FloatArray:
     spread, freedom = moderated(squares.sum(axis=0) / freedom, freedom)
     t = amplitude * np.sqrt(weight.sum(axis=0) / spread)
     one_sided = np.array([signatures.probes[k].mechanism.one_sided for k in seen])
-    tail = student_t.sf(np.where(one_sided, t, np.abs(t)), freedom)
-    p_value[seen[few]] = np.minimum(1.0, 2.0 * tail * few.sum())[few]
+    as_gaussian = norm.isf(student_t.sf(np.where(one_sided, t, np.abs(t)), freedom))
+    size = signatures.norm[seen]
+    variance, directions = np.linalg.eigh(signatures.gram[np.ix_(seen, seen)] / np.outer(size, size))
+    drawn = rng.standard_normal((DRAWS, len(seen))) @ (directions * np.sqrt(np.maximum(variance, 0.0))).T
+    largest = np.sort(np.where(one_sided, drawn, np.abs(drawn)).max(axis=1))
+    beyond = DRAWS - np.searchsorted(largest, as_gaussian)
+    p_value[seen] = (1.0 + beyond) / (DRAWS + 1.0)
     return p_value
 
 

@@ -34,6 +34,7 @@ ALTERNATIVES_TRIED = 6
 ABSORBED_SHARE = 0.06
 HIDDEN_STRENGTH = 6.0
 SLIGHT = 0.01
+SAME_SCATTER = 0.8
 TISSUE_NAMES = frozenset(p.name for p in TISSUE_PARAMETERS)
 
 
@@ -90,7 +91,10 @@ def diagnose(intake: Intake, *, baseline: str = "ramp", seed: int = 0) -> Diagno
     named = search_all(problem, fit if ramp is None else ramp.fit, rng)
     measured = noise_of(problem, named.fits[-1]) if named.chosen else noise
     scatter_mn = loosened(problem, named.fits[-1]).scatter_mn if named.chosen else problem.scatter_mn
-    if weighs_otherwise(noise, measured, trials[0].sample_rate_hz) or scatter_mn < 0.5 * problem.scatter_mn:
+    if (
+        weighs_otherwise(noise, measured, trials[0].sample_rate_hz)
+        or scatter_mn < SAME_SCATTER * problem.scatter_mn
+    ):
         # large effects had been taken for noise: search again without them in it
         noise = measured
         problem = weighed(trials, noise)

@@ -227,6 +227,15 @@ class SurfaceOscillation:
         return surface_force(trial, tissue, own, 1e-3 * np.array(rows), in_contact(trial, own)).T
 
 
+def is_overtone(
+    oscillation: SurfaceOscillation, others: Sequence[SurfaceOscillation], within: float = 0.1
+) -> bool:
+    """Tell whether an oscillation's frequency is a whole multiple of another's, to a share ``within`` of that."""
+    frequency = float(np.median(list(oscillation.frequencies_hz.values())))
+    ratios = [frequency / float(np.median(list(o.frequencies_hz.values()))) for o in others]
+    return any(round(r) >= 1 and abs(r - round(r)) < within for r in ratios)
+
+
 def surface_addition(
     mechanism: Mechanism, frequencies_hz: Mapping[str, float], harmonics: int, knot_s: float
 ) -> Addition:

@@ -10,6 +10,7 @@ import numpy as np
 from analysis.mismatch.candidates import Candidate, candidates
 from analysis.mismatch.joint import JointFit
 from analysis.mismatch.look import Look, look
+from analysis.mismatch.oscillations import SurfaceOscillation, is_overtone
 from analysis.mismatch.problem import REPEATS, Problem
 from analysis.mismatch.profiles import OUTSIDE
 
@@ -20,7 +21,9 @@ SMALL_MUST_EXPLAIN = 0.80
 MOST_TRIALS = 0.6
 SMALLEST_SHARE = 0.002
 EXTRA_SHARE = 0.02
+OVERTONE_SHARE = 0.1
 SINGLE_TRIAL_SHARE = 0.01
+CLEAR_OF_ERROR = 2.0
 TRIED_TOGETHER = 2
 SLACK = 2.0 * float(np.sqrt(2.0 * OUTSIDE))
 """By how much the repeatable energy scatters: two standard deviations over all bins, in units of chi2."""
@@ -102,10 +105,32 @@ def _worth_naming(problem: Problem, fit: JointFit, best: Candidate, explained: f
         # an oscillation is in every trial, and does not repeat: what is in a few trials, or far less than what
         # repeats, is something else's remainder
         everywhere = float(np.mean(best.gain > 0)) >= MOST_TRIALS
-        return everywhere and best.total_gain > EXTRA_SHARE * explained and best.total_gain + SLACK > left
+        needed = (OVERTONE_SHARE if _overtone(best) else EXTRA_SHARE) * explained
+        return everywhere and best.total_gain > needed and best.total_gain + SLACK > left
     if best.mechanism.form == "event":
         return best.total_gain > EXTRA_SHARE * explained
     share = best.total_gain / (explained + max(best.total_gain, left))
     laws = sum(a.mechanism.form == "law" for a in fit.simulation.additions)
+    if explained and share <= SMALL_SHARE and not _measured(problem, best):
+        return False
     needed = SHARE_EXPLAINED[min(laws, 2)] if share > SMALL_SHARE else SMALL_MUST_EXPLAIN
     return bool(best.total_gain + SLACK >= needed * left)
+
+
+def _overtone(candidate: Candidate) -> bool:
+    """Tell whether an oscillation may be an overtone of one that was named before: breath and pulse have several."""
+    latents = [a.latent for a in candidate.fit.simulation.additions]
+    waves = [latent for latent in latents if isinstance(latent, SurfaceOscillation)]
+    return bool(waves) and is_overtone(waves[-1], waves[:-1])
+
+
+def _measured(problem: Problem, candidate: Candidate) -> bool:
+    """Tell whether a law's size stands clear of its standard error; where its scale has no zero, it does."""
+    mechanism, trials = candidate.mechanism, problem.trials
+    parameter = mechanism.parameter(mechanism.amplitude)
+    if parameter.scale == "log":
+        return True
+    simulation = candidate.fit.simulation
+    at = len(simulation.vector(trials)) - len(mechanism.parameters) + mechanism.parameters.index(parameter)
+    size = simulation.vector(trials)[at] - parameter.to_fit(mechanism.null[mechanism.amplitude])
+    return bool(abs(size) > CLEAR_OF_ERROR * np.sqrt(candidate.fit.covariance[at, at]))

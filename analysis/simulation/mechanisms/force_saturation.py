@@ -28,7 +28,9 @@ class ForceSaturation(Mechanism):
     def probe_settings(self, peak_force_mn: float) -> tuple[Values, ...]:
         """Levels below the largest force of the recordings."""
         shares = (0.5, 0.65, 0.8, 0.9, 0.95, 0.98, 0.99)
-        return tuple({"level_mn": share * peak_force_mn, "slope_above": 0.9, "knee_mn": 0.5} for share in shares)
+        return tuple(
+            {"level_mn": share * peak_force_mn, "slope_above": 0.9, "knee_mn": 0.5} for share in shares
+        )
 
     def sensor_force_mn(self, trial: CellTrial, force_mn: FloatArray, p: Values) -> FloatArray:
         """F bent above the level."""

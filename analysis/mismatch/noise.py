@@ -164,14 +164,15 @@ def measure_noise(
 ) -> NoiseModel:
     """Return the noise model that fits the power spectrum of quiet stretches of residual (each (n_i,), mN).
 
-    The spectrum's median over logarithmic bands is fitted, so that single lines (hum, pulse) do not count
-    as noise. Segments are no longer than the shortest stretch: a mismatch not named yet is slow, and would pass
-    for noise in long ones; nor than ``segment_s``, which must hold a few correlation times of the slowest part.
+    The spectrum's median over logarithmic bands is fitted, so that single lines (hum, pulse) do not count as noise,
+    and each stretch's median over segments, so that one step in it does not. Segments are no longer than the shortest
+    stretch: a mismatch not named yet is slow, and would pass for noise in long ones; nor than ``segment_s``, which
+    must hold a few correlation times of the slowest part.
     """
     length = min(round(segment_s * sample_rate_hz), max(16, min(len(r) for r in residuals)))
     spectra = [
         # the stubs know the kind of detrending as "literal"
-        welch(r, sample_rate_hz, nperseg=length, detrend="linear")[1]  # type: ignore[call-overload]
+        welch(r, sample_rate_hz, nperseg=length, detrend="linear", average="median")[1]  # type: ignore[call-overload]
         for r in residuals
         if len(r) >= length
     ]

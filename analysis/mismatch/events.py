@@ -257,6 +257,17 @@ class EventAt:
             [event_rows(self.mechanism, trial, tissue, own, when, shape)[0] for shape in courses(trial, at)]
         )
 
+    def n_columns(self, trial: CellTrial) -> int:
+        """Return 3, or 0 in a trial without the event."""
+        return 1 + len(FADING_S) if trial.label in self.times_s else 0
+
+    def surface_mm(self, trial: CellTrial) -> FloatArray | None:
+        """Return how the surface moves with each coefficient (3, n); None for an event of the contact."""
+        at = self.times_s.get(trial.label)
+        if self.mechanism.stage == "contact" or at is None:
+            return None
+        return 1e-3 * after(trial, np.array([at])) * courses(trial, at)
+
 
 def courses(trial: CellTrial, at_s: float) -> FloatArray:
     """Return how an event goes on (3, n): what lasts, and what fades within a tenth of a second and some tenths."""

@@ -52,7 +52,8 @@ def linearise(
         deeper = simulation.force_mn(trial, replace(own, z0_mm=own.z0_mm + Z0_STEP_MM))
         own_columns.append((deeper - force) / Z0_STEP_MM)
     A = np.column_stack([*own_columns, latent])
-    residual = trial.force_mn - force - latent @ coefficients
+    whole = simulation.whole_force_mn(trial, own, latent, coefficients) if coefficients.size else force
+    residual = trial.force_mn - whole
     stacked = whitener(np.column_stack([residual, columns, A]))
     p = columns.shape[1]
     r, J, A = stacked[:, 0], stacked[:, 1 : 1 + p], stacked[:, 1 + p :]

@@ -226,6 +226,16 @@ class SurfaceOscillation:
             rows += [wave * hat for hat in hats for wave in (np.cos(phase), np.sin(phase))]
         return surface_force(trial, tissue, own, 1e-3 * np.array(rows), in_contact(trial, own)).T
 
+    def n_columns(self, trial: CellTrial) -> int:
+        """Return cosine and sine of every harmonic at every knot."""
+        if trial.label not in self.frequencies_hz or trial.kind in ("air_sweep", "rigid_target"):
+            return 0
+        return 2 * self.harmonics * len(hat_functions(trial, self.knot_s))
+
+    def surface_mm(self, trial: CellTrial) -> FloatArray | None:
+        """Take an oscillation as linear: its phase where contact begins and ends is another in every trial."""
+        return None
+
 
 def is_overtone(
     oscillation: SurfaceOscillation, others: Sequence[SurfaceOscillation], within: float = 0.1

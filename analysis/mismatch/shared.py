@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,6 @@ from analysis.simulation.forward import RIGID_STIFFNESS_MN_PER_MM, PerTrial, sim
 from analysis.simulation.mechanism import Mechanism, Parameter, Tissue, Values
 
 FloatArray = NDArray[np.float64]
-LatentColumns = Callable[[CellTrial, Tissue, PerTrial], FloatArray]
 
 TISSUE_PARAMETERS = (
     Parameter("k0_mn_per_mm", "mN/mm", 1e-9, 1e9, "log"),
@@ -41,6 +41,22 @@ class Hum:
         return np.asarray((c * np.cos(phase) + s * np.sin(phase)) * np.sinc(self.frequency_hz * width_s))
 
 
+class Latent(Protocol):
+    """What has coefficients of its own in every trial."""
+
+    def __call__(self, trial: CellTrial, tissue: Tissue, own: PerTrial) -> FloatArray:
+        """Return the force (n, q) that unit coefficients make."""
+        ...
+
+    def n_columns(self, trial: CellTrial) -> int:
+        """Return q."""
+        ...
+
+    def surface_mm(self, trial: CellTrial) -> FloatArray | None:
+        """Return the movement (q, n) of the skin that unit coefficients stand for; None: to be taken as linear."""
+        ...
+
+
 @dataclass(frozen=True, slots=True)
 class Addition:
     """A mechanism with the values of its shared parameters.
@@ -51,7 +67,7 @@ class Addition:
 
     mechanism: Mechanism
     values: Values
-    latent: LatentColumns | None = None
+    latent: Latent | None = None
     hum: Hum | None = None
 
 
@@ -64,20 +80,42 @@ class Simulation:
     rigid_stiffness: float = RIGID_STIFFNESS_MN_PER_MM
     ideal_step: bool = False
 
-    def force_mn(self, trial: CellTrial, own: PerTrial) -> FloatArray:
-        """Return the simulated force of a trial (n,), without what is latent in it."""
+    def force_mn(self, trial: CellTrial, own: PerTrial, surface_mm: FloatArray | float = 0.0) -> FloatArray:
+        """Return the simulated force of a trial (n,), without what is latent in it but for a surface that moves."""
         force = simulate_force(
             trial,
             self.tissue,
             own,
             [(a.mechanism, a.values) for a in self.additions],
             rigid_stiffness=self.rigid_stiffness,
+            surface_mm=surface_mm,
             ideal_step=self.ideal_step,
         )
         for a in self.additions:
             if a.hum is not None:
                 force = force + a.hum.at(trial.label, trial.time_s, trial.counts / trial.sample_rate_hz)
         return force
+
+    def whole_force_mn(
+        self, trial: CellTrial, own: PerTrial, columns: FloatArray, coefficients: FloatArray
+    ) -> FloatArray:
+        """Return the simulated force of a trial (n,) with what is latent in it: its `latent_columns` and coefficients.
+
+        Skin that shifts by tens of micrometres is also let go of at another place: such shifts move the surface itself.
+        """
+        linear, surface, moves = coefficients.copy(), np.zeros(len(trial.time_s)), False
+        at = 0
+        for a in self.additions:
+            if a.latent is None:
+                continue
+            of_this = slice(at, at + a.latent.n_columns(trial))
+            at = of_this.stop
+            rows = a.latent.surface_mm(trial)
+            if rows is not None and len(rows):
+                surface += coefficients[of_this] @ rows
+                linear[of_this] = 0.0
+                moves = True
+        return self.force_mn(trial, own, surface if moves else 0.0) + columns @ linear
 
     def latent_columns(self, trial: CellTrial, own: PerTrial) -> FloatArray:
         """Return the columns (n, q) with coefficients of their own in this trial."""

@@ -85,7 +85,13 @@ def diagnose(intake: Intake, *, baseline: str = "ramp", seed: int = 0) -> Diagno
     simulation = Simulation(start_tissue(trials), rigid_stiffness=start_rigid(trials), ideal_step=step)
     problem = weighed(trials, NoiseModel(first_noise(trials)))
     fit = problem.fit(simulation, start_own(trials), rounds=25)
-    problem, fit, noise = settled(trials, noise_of(problem, fit), fit.simulation, fit.own)
+    noise = noise_of(problem, fit)
+    if step:
+        problem = weighed(trials, noise)
+        fit = problem.fit(fit.simulation, fit.own)
+    else:
+        # what repeats deviate by is asked of a simulation that has the motion right
+        problem, fit, noise = settled(trials, noise, fit.simulation, fit.own)
     ramp = _finite_ramp(problem, fit, rng) if step else None
     search_all = search_few if nothing_repeats(trials) else search
     named = search_all(problem, fit if ramp is None else ramp.fit, rng)

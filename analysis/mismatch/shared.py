@@ -101,7 +101,7 @@ class Simulation:
     ) -> FloatArray:
         """Return the simulated force of a trial (n,) with what is latent in it: its `latent_columns` and coefficients.
 
-        Skin that shifts by tens of micrometres is also let go of at another place: such shifts move the surface itself.
+        Skin that moves by tens of micrometres is met and let go of at another place: it moves the surface itself.
         """
         linear, surface, moves = coefficients.copy(), np.zeros(len(trial.time_s)), False
         at = 0

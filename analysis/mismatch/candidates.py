@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,9 +11,11 @@ from numpy.typing import NDArray
 from analysis.mismatch.events import (
     SAME_EVENT_S,
     EventAt,
+    EventScan,
     by_chance,
     event_addition,
     refine_time,
+    scan_events,
 )
 from analysis.mismatch.joint import JointFit
 from analysis.mismatch.look import LEVEL, Look, strict
@@ -192,19 +195,35 @@ def event_candidates(problem: Problem, fit: JointFit, seen: Look) -> list[Candid
         mechanism, p = scan.mechanism, seen.p_of[scan.mechanism.name]
         if p > LEVEL:
             continue
-        score, at = scan.strongest()
-        times = {}
-        for j, trial in enumerate(problem.trials):
-            size = score[j] if mechanism.one_sided else abs(score[j])
-            if size >= scan.width * np.sqrt(by_chance(len(scan.scores[j])) + EVENT_MUST_EXCEED):
-                times[trial.label] = refine_time(
-                    mechanism, problem.trials, problem.whiteners[j], fit, j, float(at[j])
-                )
-        if not times:
-            continue
-        refitted = refit_added(problem, fit, event_addition(mechanism, times), rounds=12)
-        found.append(_latent_candidate(mechanism, fit, refitted, p))
+        times = _event_times(problem, fit, scan)
+        refitted = None
+        while times and len(times) > (0 if refitted is None else len(_times_of(refitted))):
+            refitted = refit_added(problem, fit, event_addition(mechanism, times), rounds=12)
+            # events bend what is shared, and so hide others: those stand out once the first are taken care of
+            again = scan_events(mechanism, problem.trials, [w.tight for w in problem.whiteners], refitted)
+            times = {**_event_times(problem, refitted, again), **times}
+        if refitted is not None:
+            found.append(_latent_candidate(mechanism, fit, refitted, p))
     return found
+
+
+def _event_times(problem: Problem, fit: JointFit, scan: EventScan) -> dict[str, float]:
+    """Return the time of the event (s) by label, of the trials in which a step stands out of noise."""
+    score, at = scan.strongest()
+    times = {}
+    for j, trial in enumerate(problem.trials):
+        size = score[j] if scan.mechanism.one_sided else abs(score[j])
+        if size >= scan.width * np.sqrt(by_chance(len(scan.scores[j])) + EVENT_MUST_EXCEED):
+            times[trial.label] = refine_time(
+                scan.mechanism, problem.trials, problem.whiteners[j], fit, j, float(at[j])
+            )
+    return times
+
+
+def _times_of(fit: JointFit) -> Mapping[str, float]:
+    """Return the times by label of the event that was added last."""
+    latent = fit.simulation.additions[-1].latent
+    return latent.times_s if isinstance(latent, EventAt) else {}
 
 
 def _same_event(fit: JointFit, candidate: Candidate) -> bool:

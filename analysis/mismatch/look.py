@@ -55,6 +55,7 @@ WANDERS_BELOW_HZ = 4.0
 FAINT_BELOW_HZ, FAINT_GAIN = 0.7, 5.0
 """Where a trial holds but a few periods, a line has to gain so much a trial: noise is not known well enough there."""
 
+CLEAR_GAIN, CLEAR_SHARE = 1e3, 0.9
 WIDEST = 1.6
 
 
@@ -191,7 +192,10 @@ def _only_wanders(
     found = []
     for band in doubtful:
         beyond = FAINT_GAIN * len(problem.trials) if band.lower_hz < FAINT_BELOW_HZ else 0.0
-        if line_gain(spectra[0], band) < max(wanders - steady, 0.0) + beyond:
+        gain, of_noise = line_gain(spectra[0], band), max(wanders - steady, 0.0)
+        # no line is quite regular: of a large one a part is left that noise which wanders explains as well
+        clear = gain > CLEAR_GAIN * len(problem.trials) and gain > CLEAR_SHARE * of_noise
+        if gain < of_noise + beyond and not clear:
             found.append(band.mechanism)
     return found
 

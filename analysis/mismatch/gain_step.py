@@ -47,26 +47,28 @@ def gain_step(problem: Problem, fit: JointFit) -> GainStep | None:
         times = _apart([e.times_s[trial.label] for e in events if trial.label in e.times_s])
         if not times:
             continue
-        own, whitener, tissue = fit.own[j], problem.whiteners[j], fit.simulation.tissue
-        named = np.column_stack([e(trial, tissue, own) for e in events])
+        own, whitener = fit.own[j], problem.whiteners[j].tight
         force_mn = fit.simulation.force_mn(trial, own) - own.offset_mn
         stepped = np.vstack([after(trial, np.array([t])) * force_mn * courses(trial, t) for t in times]).T
         latent = fit.simulation.latent_columns(trial, own)
-        line = linearise(
-            trial, whitener, fit.simulation, own, problem.trials, latent, fit.latents[j], frozen=True
-        )
-        # what the events took goes back into the residual; what other latents took stays out
+        line = linearise(trial, whitener, fit.simulation, own, problem.trials, latent, fit.latents[j])
         of_event = np.concatenate(
             [
-                np.full(a.latent(trial, tissue, own).shape[1], isinstance(a.latent, EventAt))
+                np.full(a.latent.n_columns(trial), isinstance(a.latent, EventAt))
                 for a in fit.simulation.additions
                 if a.latent is not None
             ]
         )
         mine = np.concatenate([np.zeros(line.A.shape[1] - len(of_event), dtype=bool), of_event])
-        back = line.r + line.A[:, mine] @ fit.latents[j][of_event]
-        of_named, of_step = (_explained(back, line.A[:, ~mine], whitener(c)) for c in (named, stepped))
-        better_by += of_step - of_named - 2.0 * (stepped.shape[1] - named.shape[1])
+        # where tissues were seen to scatter, the trial has one of its own in both accounts
+        basis = column_space(
+            np.hstack([line.A[:, ~mine], line.J] if problem.scatter_mn else [line.A[:, ~mine]])
+        )
+        without = np.where(of_event, 0.0, fit.latents[j])
+        bare = whitener(trial.force_mn - fit.simulation.whole_force_mn(trial, own, latent, without))
+        of_named = _left(bare, basis) - _left(line.r, basis)
+        of_step = _explained(bare, basis, whitener(stepped))
+        better_by += of_step - of_named - 2.0 * float(stepped.shape[1] - of_event.sum())
         energy += of_step * problem.white_mn**2
         starts.append(times[0])
         stops.append(float(trial.time_s[-1]))
@@ -91,9 +93,14 @@ def _apart(times_s: Sequence[float]) -> list[float]:
     return found
 
 
-def _explained(r: FloatArray, own: FloatArray, columns: FloatArray) -> float:
-    """Return how much of r (n,) columns (n, m) explain beside the trial's own columns (n, q)."""
-    basis = column_space(own)
+def _left(r: FloatArray, basis: FloatArray) -> float:
+    """Return the energy of r (n,) beside an orthonormal basis (n, q)."""
+    left = r - basis @ (basis.T @ r)
+    return float(left @ left)
+
+
+def _explained(r: FloatArray, basis: FloatArray, columns: FloatArray) -> float:
+    """Return how much of r (n,) columns (n, m) explain beside an orthonormal basis (n, q)."""
     left = columns - basis @ (basis.T @ columns)
     part = column_space(left).T @ (r - basis @ (basis.T @ r))
     return float(part @ part)

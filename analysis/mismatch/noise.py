@@ -191,7 +191,10 @@ def measure_noise(
     weight = 1.0 / p
     share = np.zeros(basis.shape[1])
     for _ in range(6):
-        share, _ = nnls(basis * weight[:, None], p * weight)
+        weighed = basis * weight[:, None]
+        # parts of very different size stall the search for their shares
+        size = np.linalg.norm(weighed, axis=0)
+        share = nnls(weighed / size, p * weight)[0] / size
         weight = 1.0 / np.maximum(basis @ share, 0.7 * p)
     white = max(float(share[0]), 1e-3 * float(np.median(p)) * sample_rate_hz / 2.0)
     parts = tuple(

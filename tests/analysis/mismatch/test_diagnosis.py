@@ -95,6 +95,33 @@ def test_what_has_its_own_phase_or_time_is_named(effect: str, name: str) -> None
     assert _names(_diagnose(effect))[0] == name
 
 
+@pytest.mark.parametrize(
+    ("effect", "name", "parameter", "value"),
+    [
+        ('name = "motion_artefact"\nshift_um = 30.0\nshare = 0.5', "motion_artefact", "shift_um", 30.0),
+        (
+            'name = "respiration"\namplitude_um = 30.0\nfrequency_hz = 0.3',
+            "respiration",
+            "amplitude_um",
+            30.0,
+        ),
+    ],
+)
+def test_tens_of_micrometres_of_motion_are_named_and_measured(
+    effect: str, name: str, parameter: str, value: float
+) -> None:
+    report = make_report(_diagnose(effect), baseline="ramp", seed=1, tolerance_mn=0.3)
+    assert report.verdict in ("named", "one_of")
+    assert report.mechanisms[0].name == name
+    # the bench's sizes differ by a tenth to a third from trial to trial
+    assert report.mechanisms[0].parameters[parameter].value == pytest.approx(value, rel=0.2)
+
+
+def test_an_effect_beside_a_far_larger_one_is_named_too() -> None:
+    both = 'name = "slip"\ndrop_mn = 3.0\n[[effects]]\nname = "adhesion"\npull_off_mn = 3.0'
+    assert set(_names(_diagnose(both))) == {"slip", "adhesion"}
+
+
 def test_the_step_of_the_textbook_is_undone_first() -> None:
     found = diagnose(take_in_memory(_study(), hold_only=True), baseline="step", seed=1)
     assert _names(found) == ["finite_ramp"]

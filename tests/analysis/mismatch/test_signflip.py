@@ -3,7 +3,6 @@
 import numpy as np
 from scipy.stats import binom
 
-from analysis.mismatch.amplitude_t import moderated
 from analysis.mismatch.signflip import Family, flip_test
 
 TRIALS, CANDIDATES, STUDIES = 20, 60, 300
@@ -62,16 +61,3 @@ def test_families_share_the_level_and_the_small_one_is_spared_the_many() -> None
         seen_together += bool(flip_test(scores, sided, rng).p_value[2] <= 0.05)
     assert alarms <= binom.ppf(1 - 1e-5, STUDIES, 0.05)
     assert seen_apart > 1.3 * seen_together
-
-
-def test_variances_of_few_are_drawn_towards_those_of_all() -> None:
-    rng = np.random.default_rng(3)
-    freedom = np.full(200, 3.0)
-    alike = rng.chisquare(3.0, 200) / 3.0
-    drawn, more = moderated(alike, freedom)
-    assert np.std(drawn) < 0.4 * np.std(alike)
-    assert np.all(more > 10.0)
-    unlike = alike * np.exp(rng.normal(0.0, 2.0, 200))
-    kept, few = moderated(unlike, freedom)
-    assert np.all(few < 6.0)
-    assert kept[np.argmax(unlike)] > 0.5 * unlike.max()

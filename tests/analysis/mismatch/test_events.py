@@ -1,0 +1,74 @@
+"""Events judged by all trials together; what moves the surface moves it in the simulation."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.mismatch.events import EventAt, EventScan, event_mechanisms, event_p_value
+from analysis.mismatch.intake import take_in_memory
+from analysis.mismatch.oscillations import SurfaceOscillation, is_overtone
+from analysis.mismatch.shared import Addition, Simulation
+from analysis.mismatch.start import start_own, start_tissue
+
+sys.path.append(str(Path(__file__).parents[2]))
+from bench_trials import bench_trials
+
+from sim_hardware.offline import study_plans
+
+SLIP, ARTEFACT = (next(m for m in event_mechanisms() if m.name == n) for n in ("slip", "motion_artefact"))
+
+
+def _scan(rng: np.random.Generator, strength: float) -> EventScan:
+    """Scores of steps, correlated over neighbours as those of overlapping steps are, an event in every trial."""
+    scores = []
+    for _ in range(20):
+        smooth = np.convolve(rng.normal(size=340), np.ones(20) / np.sqrt(20.0), mode="valid")
+        smooth[rng.integers(len(smooth))] += strength
+        scores.append(smooth)
+    times = tuple(np.arange(len(s)) * 0.02 for s in scores)
+    return EventScan(SLIP, times, tuple(scores), (1.0,) * 20, 0.0)
+
+
+def test_steps_of_noise_are_no_events() -> None:
+    rng = np.random.default_rng(1)
+    p = [event_p_value(_scan(rng, 0.0)) for _ in range(200)]
+    # Markov's bound holds: 200 chances of below 1e-3 give more than 4 with a chance of 2e-6
+    assert sum(x <= 1e-3 for x in p) <= 4
+
+
+def test_many_weak_events_are_seen_together() -> None:
+    rng = np.random.default_rng(2)
+    assert np.median([event_p_value(_scan(rng, 4.5)) for _ in range(20)]) < 1e-4
+
+
+@pytest.mark.parametrize(
+    ("frequency_hz", "overtone"), [(0.6, True), (0.93, True), (0.45, False), (0.78, False), (0.2, False)]
+)
+def test_whole_multiples_of_a_breath_are_its_overtones(frequency_hz: float, overtone: bool) -> None:
+    breath = SurfaceOscillation({"a": 0.3, "b": 0.31}, 1, np.inf)
+    assert is_overtone(SurfaceOscillation({"a": frequency_hz}, 1, np.inf), [breath]) is overtone
+
+
+def test_a_surface_that_shifts_far_is_let_go_of_elsewhere() -> None:
+    plans = study_plans(depths_mm=(0.3,), repeats=1)
+    trials = take_in_memory(bench_trials("seed = 3\n[specimens]\npublished_tissue = true\n", plans)).trials
+    trial, own = trials[0], start_own(trials)[0]
+    shifts = EventAt(ARTEFACT, {trial.label: 5.0})
+    simulation = Simulation(start_tissue(trials), (Addition(ARTEFACT, {}, shifts),))
+    columns = simulation.latent_columns(trial, own)
+    bare = simulation.force_mn(trial, own)
+    np.testing.assert_array_equal(simulation.whole_force_mn(trial, own, columns, np.zeros(3)), bare)
+    pressed = trial.in_phase("hold") & (trial.time_s > 5.1)
+    slight, far = (
+        simulation.whole_force_mn(trial, own, columns, np.array([um, 0.0, 0.0])) for um in (0.1, 30.0)
+    )
+    # in the hold the tissue is linear, so that 30 um are 30 times 1 um
+    np.testing.assert_allclose((slight - bare)[pressed], 0.1 * columns[pressed, 0], rtol=1e-3)
+    np.testing.assert_allclose((far - bare)[pressed], 30.0 * columns[pressed, 0], rtol=1e-3)
+    # nearer to the arm the skin is left later, by what of 30 um is not relaxed; a linear effect would end with contact
+    let_go = [
+        float(trial.position_mm[trial.retracting][np.argmax(f[trial.retracting] < 0.1)]) for f in (bare, far)
+    ]
+    assert 0.015 < let_go[0] - let_go[1] <= 0.030

@@ -190,11 +190,13 @@ def hum_candidate(problem: Problem, fit: JointFit) -> Candidate | None:
 
 def event_candidates(problem: Problem, fit: JointFit, seen: Look) -> list[Candidate]:
     """Return the events that stand out of their own trials, refitted at each trial's own time."""
-    found = []
+    found: list[Candidate] = []
+    # steps look alike: what shows that there are any does not say which
+    p = min((seen.p_of[scan.mechanism.name] for scan in seen.scans), default=1.0)
+    if p > LEVEL:
+        return found
     for scan in seen.scans:
-        mechanism, p = scan.mechanism, seen.p_of[scan.mechanism.name]
-        if p > LEVEL:
-            continue
+        mechanism = scan.mechanism
         times = _event_times(problem, fit, scan)
         refitted = None
         while times and len(times) > (0 if refitted is None else len(_times_of(refitted))):

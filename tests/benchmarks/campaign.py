@@ -43,6 +43,9 @@ def specs(campaign: str, n: int, seed: int) -> list[Spec]:
         rungs = [20.0, 300.0, 8.0, 100.0, 50.0, 1000.0, 12.0, 5.0, 3.0]
         every = [("single", (name,), rung, "white") for rung in rungs for name in library]
         return [every[i % len(every)] for i in range(n)]
+    if campaign == "usual":
+        every = [("single", (name,), 0.0, noise) for noise in NOISES for name in library]
+        return [every[i % len(every)] for i in range(n)]
     if campaign == "outside":
         rungs = [100.0, 20.0, 300.0, 50.0, 1000.0]
         every = [("outside", (name,), rung, "white") for rung in rungs for name in outside]

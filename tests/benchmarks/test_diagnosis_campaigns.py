@@ -98,6 +98,16 @@ def test_ladder_of_single_effects() -> None:
         assert share(eight, all_within) >= 0.90
 
 
+def test_usual_sizes_under_every_noise() -> None:
+    """Effects as large as benches have them, in noise that is white, correlated, wanders, or scatters the gain."""
+    outcomes = opened("usual", len(campaign.LIBRARY) * len(campaign.NOISES))
+    for noise in campaign.NOISES:
+        of = [o for o in outcomes if o.truth.noise == noise]
+        if of:
+            print(f"{noise}: first name right in {sum(map(first_right, of))} of {len(of)}")
+    assert share(outcomes, all_within) >= 0.9
+
+
 def test_pairs() -> None:
     assert share(opened("pairs", 60), all_named) >= 0.85
 

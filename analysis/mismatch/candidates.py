@@ -140,7 +140,9 @@ def surface_candidates(problem: Problem, fit: JointFit, seen: Look, to_beat: flo
             t.label: float(f[near][int(np.argmax(row[near]))])
             for t, row in zip(problem.trials, power, strict=True)
         }
-        shapes = [(1, np.inf), (3, np.inf), (1, 3.0 / centre), (3, 2.5 / centre), (1, 1.5 / centre)]
+        shapes = [(1, np.inf), (1, 3.0 / centre), (1, 1.5 / centre)]
+        if centre < QUICK_ABOVE_HZ:
+            shapes += [(3, np.inf), (3, 2.5 / centre)]
         options = []
         for harmonics, knot_s in shapes:
             addition = surface_addition(library()[band.mechanism], own_hz, harmonics, knot_s)

@@ -283,12 +283,13 @@ class EventAt:
         """Return 3, or 0 in a trial without the event."""
         return 1 + len(FADING_S) if trial.label in self.times_s else 0
 
-    def surface_mm(self, trial: CellTrial) -> FloatArray | None:
-        """Return how the surface moves with each coefficient (3, n); None for an event of the contact."""
+    def surface_mm(self, trial: CellTrial, coefficients: FloatArray) -> FloatArray | None:
+        """Return how the surface moves (n,) for coefficients (3,), um; None for an event of the contact."""
         at = self.times_s.get(trial.label)
         if self.mechanism.stage == "contact" or at is None:
             return None
-        return 1e-3 * after(trial, np.array([at])) * courses(trial, at)
+        course: FloatArray = coefficients @ courses(trial, at)
+        return np.asarray(1e-3 * after(trial, np.array([at]))[0] * course)
 
 
 def courses(trial: CellTrial, at_s: float) -> FloatArray:

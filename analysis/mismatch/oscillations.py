@@ -219,7 +219,12 @@ class SurfaceOscillation:
         f = self.frequencies_hz.get(trial.label)
         if f is None or trial.kind in ("air_sweep", "rigid_target"):
             return np.zeros((len(trial.time_s), 0))
-        return surface_force(trial, tissue, own, self._rows_mm(trial), in_contact(trial, own)).T
+        rows = []
+        hats = hat_functions(trial, self.knot_s)
+        for h in range(1, self.harmonics + 1):
+            phase = 2 * np.pi * h * f * trial.time_s
+            rows += [wave * hat for hat in hats for wave in (np.cos(phase), np.sin(phase))]
+        return surface_force(trial, tissue, own, 1e-3 * np.array(rows), in_contact(trial, own)).T
 
     def n_columns(self, trial: CellTrial) -> int:
         """Return cosine and sine of every harmonic at every knot."""
@@ -227,17 +232,17 @@ class SurfaceOscillation:
             return 0
         return 2 * self.harmonics * len(hat_functions(trial, self.knot_s))
 
-    def surface_mm(self, trial: CellTrial) -> FloatArray | None:
-        """Return how the surface moves with each coefficient (q, n)."""
-        return self._rows_mm(trial) if self.n_columns(trial) else None
-
-    def _rows_mm(self, trial: CellTrial) -> FloatArray:
+    def surface_mm(self, trial: CellTrial, coefficients: FloatArray) -> FloatArray | None:
+        """Return how the surface moves (n,) for coefficients (q,), um."""
+        if not self.n_columns(trial):
+            return None
         f, hats = self.frequencies_hz[trial.label], hat_functions(trial, self.knot_s)
-        rows = []
-        for h in range(1, self.harmonics + 1):
-            phase = 2 * np.pi * h * f * trial.time_s
-            rows += [wave * hat for hat in hats for wave in (np.cos(phase), np.sin(phase))]
-        return 1e-3 * np.array(rows)
+        by_knot = coefficients.reshape(self.harmonics, len(hats), 2)
+        moved = np.zeros(len(trial.time_s))
+        for h in range(self.harmonics):
+            phase = 2 * np.pi * (h + 1) * f * trial.time_s
+            moved += np.cos(phase) * (by_knot[h, :, 0] @ hats) + np.sin(phase) * (by_knot[h, :, 1] @ hats)
+        return 1e-3 * moved
 
 
 def is_overtone(

@@ -52,8 +52,8 @@ class Latent(Protocol):
         """Return q."""
         ...
 
-    def surface_mm(self, trial: CellTrial) -> FloatArray | None:
-        """Return the movement (q, n) of the skin that unit coefficients stand for; None: to be taken as linear."""
+    def surface_mm(self, trial: CellTrial, coefficients: FloatArray) -> FloatArray | None:
+        """Return the movement (n,) of the skin that coefficients (q,) stand for; None: to be taken as linear."""
         ...
 
 
@@ -110,9 +110,9 @@ class Simulation:
                 continue
             of_this = slice(at, at + a.latent.n_columns(trial))
             at = of_this.stop
-            rows = a.latent.surface_mm(trial)
-            if rows is not None and len(rows):
-                surface += coefficients[of_this] @ rows
+            track = a.latent.surface_mm(trial, coefficients[of_this])
+            if track is not None:
+                surface += track
                 linear[of_this] = 0.0
                 moves = True
         return self.force_mn(trial, own, surface if moves else 0.0) + columns @ linear

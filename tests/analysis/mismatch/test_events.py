@@ -72,3 +72,18 @@ def test_a_surface_that_shifts_far_is_let_go_of_elsewhere() -> None:
         float(trial.position_mm[trial.retracting][np.argmax(f[trial.retracting] < 0.1)]) for f in (bare, far)
     ]
     assert 0.015 < let_go[0] - let_go[1] <= 0.030
+
+
+def test_an_oscillating_surface_moves_as_its_columns_say() -> None:
+    plans = study_plans(depths_mm=(0.3,), repeats=1)
+    trials = take_in_memory(bench_trials("seed = 3\n[specimens]\npublished_tissue = true\n", plans)).trials
+    trial, own, tissue = trials[0], start_own(trials)[0], start_tissue(trials)
+    wave = SurfaceOscillation({trial.label: 0.4}, 2, 3.0)
+    simulation = Simulation(tissue, (Addition(ARTEFACT, {}, wave),))
+    columns = simulation.latent_columns(trial, own)
+    sizes = 0.01 * np.random.default_rng(4).normal(size=columns.shape[1])
+    assert wave.n_columns(trial) == len(sizes)
+    moved = simulation.whole_force_mn(trial, own, columns, sizes) - simulation.force_mn(trial, own)
+    # a force that relaxes remembers what the surface did before the contact that the columns begin with
+    late = trial.in_phase("hold") & (trial.time_s > 8.0)
+    np.testing.assert_allclose(moved[late], (columns @ sizes)[late], atol=0.05 * np.abs(moved[late]).max())

@@ -96,7 +96,9 @@ def diagnose(intake: Intake, *, baseline: str = "ramp", seed: int = 0) -> Diagno
     search_all = search_few if nothing_repeats(trials) else search
     named = search_all(problem, fit if ramp is None else ramp.fit, rng)
     measured = noise_of(problem, named.fits[-1]) if named.chosen else noise
-    scatter_mn = loosened(problem, named.fits[-1]).scatter_mn if named.chosen else problem.scatter_mn
+    scatter_mn = problem.scatter_mn
+    if named.chosen and scatter_mn:
+        scatter_mn = loosened(problem, named.fits[-1]).scatter_mn
     if (
         weighs_otherwise(noise, measured, trials[0].sample_rate_hz)
         or scatter_mn < SAME_SCATTER * problem.scatter_mn

@@ -26,7 +26,7 @@ SEGMENT_S = 1.6
 # A weak slow part is more likely a slow effect that has not been named yet; weighing it down would hide it. Leaving out
 # a part that is real costs some power and no validity, since significance trusts no noise model.
 SLOW_S = 0.05
-SLOW_MUST_EXCEED = 6.0
+SLOW_MUST_EXCEED = 60.0
 QUICK_MUST_EXCEED = 0.3
 
 

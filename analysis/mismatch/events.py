@@ -85,10 +85,11 @@ def event_rows(
     own: PerTrial,
     times_s: FloatArray,
     shape: FloatArray | float = 1.0,
+    surface_mm: FloatArray | float = 0.0,
 ) -> FloatArray:
     """Return the force (m, n) of a unit event at each time: 1 mN lost (slip) or 1 um of shift (artefact).
 
-    ``shape`` (n,) multiplies the step.
+    ``shape`` (n,) multiplies the step; the surface may have moved by ``surface_mm`` (n,) already.
     """
     stepped = after(trial, times_s) * shape
     if mechanism.stage == "contact":
@@ -98,7 +99,7 @@ def event_rows(
         # what let go carries nothing on the way out either: there the loss falls with the force
         leaving = trial.retracting * np.clip(force_mn / max(held_mn, 1e-9), 0.0, 1.0)
         return -stepped * np.where(touching, 1.0, leaving)
-    return surface_force(trial, tissue, own, 1e-3 * stepped, pressed(trial, own))
+    return surface_force(trial, tissue, own, 1e-3 * stepped, pressed(trial, own, surface_mm))
 
 
 @dataclass(frozen=True)
@@ -128,7 +129,7 @@ def scan_events(
         window = _event_window(mechanism, trial, fit.own[j])
         if window.sum() < 20:
             continue
-        latent = fit.simulation.latent_columns(trial, fit.own[j])
+        latent = fit.simulation.latent_columns(trial, fit.own[j], fit.latents[j])
         line = linearise(trial, whitener, fit.simulation, fit.own[j], trials, latent, fit.latents[j])
         # only rest counts: what a contact point that is off leaves at the kink of contact is no event
         inside = (window | trial.in_phase("dwell") | trial.in_phase("clear"))[trial.fitted]
@@ -269,14 +270,19 @@ class EventAt:
     mechanism: Mechanism
     times_s: Mapping[str, float]
 
-    def __call__(self, trial: CellTrial, tissue: Tissue, own: PerTrial) -> FloatArray:
+    def __call__(
+        self, trial: CellTrial, tissue: Tissue, own: PerTrial, surface_mm: FloatArray | float = 0.0
+    ) -> FloatArray:
         """Return the force (n, q) of unit events."""
         at = self.times_s.get(trial.label)
         if at is None:
             return np.zeros((len(trial.time_s), 0))
         when = np.array([at])
         return np.column_stack(
-            [event_rows(self.mechanism, trial, tissue, own, when, shape)[0] for shape in courses(trial, at)]
+            [
+                event_rows(self.mechanism, trial, tissue, own, when, shape, surface_mm)[0]
+                for shape in courses(trial, at)
+            ]
         )
 
     def n_columns(self, trial: CellTrial) -> int:
@@ -314,7 +320,7 @@ def refine_time(
 ) -> float:
     """Return the time of an event to the millisecond, by a finer scan about a first estimate."""
     trial = trials[index]
-    latent = fit.simulation.latent_columns(trial, fit.own[index])
+    latent = fit.simulation.latent_columns(trial, fit.own[index], fit.latents[index])
     times = about_s + np.arange(-STEP_S, STEP_S + 5e-4, 1e-3)
     own, tissue = fit.own[index], fit.simulation.tissue
     columns = whitener(event_rows(mechanism, trial, tissue, own, times).T)

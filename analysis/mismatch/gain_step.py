@@ -50,7 +50,7 @@ def gain_step(problem: Problem, fit: JointFit) -> GainStep | None:
         own, whitener = fit.own[j], problem.whiteners[j].tight
         force_mn = fit.simulation.force_mn(trial, own) - own.offset_mn
         stepped = np.vstack([after(trial, np.array([t])) * force_mn * courses(trial, t) for t in times]).T
-        latent = fit.simulation.latent_columns(trial, own)
+        latent = fit.simulation.latent_columns(trial, own, fit.latents[j])
         line = linearise(trial, whitener, fit.simulation, own, problem.trials, latent, fit.latents[j])
         of_event = np.concatenate(
             [

@@ -90,7 +90,10 @@ def fit_jointly(
                     z0 = max(z0 + float(np.clip(step.pop(0), -0.3, 0.3)), trial.begins_mm)
                 new_own.append(PerTrial(z0, offset))
                 new_coefficients.append(c + np.array(step))
-            new_latent = [moved.latent_columns(t, o) for t, o in zip(trials, new_own, strict=True)]
+            new_latent = [
+                moved.latent_columns(t, o, c)
+                for t, o, c in zip(trials, new_own, new_coefficients, strict=True)
+            ]
             new_lines, new_cost = _linearise_all(
                 trials, whiteners, moved, new_own, new_latent, new_coefficients, frozen
             )

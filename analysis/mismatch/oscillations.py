@@ -18,7 +18,7 @@ from analysis.mismatch.freed import Freed
 from analysis.mismatch.joint import JointFit
 from analysis.mismatch.noise import Whitener
 from analysis.mismatch.shared import Addition, Hum
-from analysis.mismatch.surface_motion import in_contact, surface_force
+from analysis.mismatch.surface_motion import in_contact, pressed, surface_force
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.forward import PerTrial
 from analysis.simulation.mechanism import Mechanism, Tissue, library
@@ -214,7 +214,9 @@ class SurfaceOscillation:
     harmonics: int
     knot_s: float
 
-    def __call__(self, trial: CellTrial, tissue: Tissue, own: PerTrial) -> FloatArray:
+    def __call__(
+        self, trial: CellTrial, tissue: Tissue, own: PerTrial, surface_mm: FloatArray | float = 0.0
+    ) -> FloatArray:
         """Return the force (n, q) of unit amplitudes (um), cosine and sine of each knot in turn."""
         f = self.frequencies_hz.get(trial.label)
         if f is None or trial.kind in ("air_sweep", "rigid_target"):
@@ -224,7 +226,7 @@ class SurfaceOscillation:
         for h in range(1, self.harmonics + 1):
             phase = 2 * np.pi * h * f * trial.time_s
             rows += [wave * hat for hat in hats for wave in (np.cos(phase), np.sin(phase))]
-        return surface_force(trial, tissue, own, 1e-3 * np.array(rows), in_contact(trial, own)).T
+        return surface_force(trial, tissue, own, 1e-3 * np.array(rows), pressed(trial, own, surface_mm)).T
 
     def n_columns(self, trial: CellTrial) -> int:
         """Return cosine and sine of every harmonic at every knot."""

@@ -92,7 +92,7 @@ def own_coefficients(problem: Problem, fit: JointFit, k: int) -> list[OwnCoeffic
         q = columns.shape[1]
         if not q:
             continue
-        everything = fit.simulation.latent_columns(trial, fit.own[j])
+        everything = fit.simulation.latent_columns(trial, fit.own[j], fit.latents[j])
         line = linearise(
             trial,
             problem.whiteners[j],

@@ -44,8 +44,10 @@ class Hum:
 class Latent(Protocol):
     """What has coefficients of its own in every trial."""
 
-    def __call__(self, trial: CellTrial, tissue: Tissue, own: PerTrial) -> FloatArray:
-        """Return the force (n, q) that unit coefficients make."""
+    def __call__(
+        self, trial: CellTrial, tissue: Tissue, own: PerTrial, surface_mm: FloatArray | float = 0.0
+    ) -> FloatArray:
+        """Return the force (n, q) that unit coefficients make where the surface (n,) has moved already."""
         ...
 
     def n_columns(self, trial: CellTrial) -> int:
@@ -103,7 +105,13 @@ class Simulation:
 
         Skin that moves by tens of micrometres is met and let go of at another place: it moves the surface itself.
         """
-        linear, surface, moves = coefficients.copy(), np.zeros(len(trial.time_s)), False
+        linear, surface = self._moved(trial, coefficients)
+        return self.force_mn(trial, own, surface) + columns @ linear
+
+    def _moved(self, trial: CellTrial, coefficients: FloatArray) -> tuple[FloatArray, FloatArray | float]:
+        """Return the coefficients (q,) of what is linear, the others 0, and how the others move the surface."""
+        linear = coefficients.copy()
+        surface: FloatArray | float = 0.0
         at = 0
         for a in self.additions:
             if a.latent is None:
@@ -112,14 +120,19 @@ class Simulation:
             at = of_this.stop
             track = a.latent.surface_mm(trial, coefficients[of_this])
             if track is not None:
-                surface += track
+                surface = surface + track
                 linear[of_this] = 0.0
-                moves = True
-        return self.force_mn(trial, own, surface if moves else 0.0) + columns @ linear
+        return linear, surface
 
-    def latent_columns(self, trial: CellTrial, own: PerTrial) -> FloatArray:
-        """Return the columns (n, q) with coefficients of their own in this trial."""
-        columns = [a.latent(trial, self.tissue, own) for a in self.additions if a.latent is not None]
+    def latent_columns(
+        self, trial: CellTrial, own: PerTrial, coefficients: FloatArray | None = None
+    ) -> FloatArray:
+        """Return the columns (n, q) with coefficients of their own in this trial.
+
+        ``coefficients`` (q,): where they stand; a surface that moved far is touched elsewhere.
+        """
+        surface = 0.0 if coefficients is None else self._moved(trial, coefficients)[1]
+        columns = [a.latent(trial, self.tissue, own, surface) for a in self.additions if a.latent is not None]
         return np.column_stack(columns) if columns else np.zeros((len(trial.time_s), 0))
 
     def parameters(self, trials: Sequence[CellTrial]) -> list[Parameter]:

@@ -40,7 +40,7 @@ def order_trend(problem: Problem, fit: JointFit) -> OrderTrend | None:
         if trial.kind != "ramp_hold_retract":
             continue
         own, latents = fit.own[j], fit.latents[j]
-        latent = fit.simulation.latent_columns(trial, own)
+        latent = fit.simulation.latent_columns(trial, own, latents)
         # not as repeats are seen to deviate: it is these deviations that are asked for an order
         whitener = problem.whiteners[j].tight
         line = linearise(trial, whitener, fit.simulation, own, problem.trials, latent, latents, frozen=True)

@@ -72,7 +72,7 @@ def loosened(problem: Problem, fit: JointFit) -> Problem:
     for trial, whitener, own, latents in zip(
         problem.trials, problem.whiteners, fit.own, fit.latents, strict=True
     ):
-        latent = fit.simulation.latent_columns(trial, own)
+        latent = fit.simulation.latent_columns(trial, own, latents)
         line = linearise(trial, whitener.tight, fit.simulation, own, problem.trials, latent, latents)
         tissue = line.J.shape[1] - of_laws
         H, g, _, _ = reduced(line)

@@ -136,8 +136,7 @@ def _lines(
     trials: Sequence[CellTrial],
     rate: float,
 ) -> list[Stray]:
-    above = LINES_ABOVE_HZ if signal == "force" else 25.0
-    lines = [line for line in stray_lines(residuals, rate, above) if line[2] < STRAY_LEVEL]
+    lines = [line for line in stray_lines(residuals, rate, LINES_ABOVE_HZ) if line[2] < STRAY_LEVEL]
     if not lines:
         return []
     frequency, rms, p = min(lines, key=lambda line: line[2])

@@ -141,6 +141,7 @@ def test_a_line_that_no_law_has_is_a_stray() -> None:
     [
         ('name = "gain_step"\nchange = 0.02', "larger or smaller by a share"),
         ('name = "switching_beat"\namplitude_mn = 0.2', "a tone that wanders"),
+        ('name = "servo_hunting"\namplitude_um = 0.1\nfrequency_hz = 19.0', "a line at"),
     ],
 )
 def test_what_is_outside_the_library_is_said_in_words_and_never_the_whole_story(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -200,12 +199,14 @@ def event_candidates(problem: Problem, fit: JointFit, seen: Look) -> list[Candid
     for scan in seen.scans:
         mechanism = scan.mechanism
         times = _event_times(problem, fit, scan)
+        known: dict[str, float] = {}
         refitted = None
-        while times and len(times) > (0 if refitted is None else len(_times_of(refitted))):
-            refitted = refit_added(problem, fit, event_addition(mechanism, times), rounds=12)
+        while len(times) > len(known):
+            known = times
+            refitted = refit_added(problem, fit, event_addition(mechanism, known), rounds=12)
             # events bend what is shared, and so hide others: those stand out once the first are taken care of
             again = scan_events(mechanism, problem.trials, [w.tight for w in problem.whiteners], refitted)
-            times = {**_event_times(problem, refitted, again), **times}
+            times = {**_event_times(problem, refitted, again), **known}
         if refitted is not None:
             found.append(_latent_candidate(mechanism, fit, refitted, p))
     return found
@@ -222,12 +223,6 @@ def _event_times(problem: Problem, fit: JointFit, scan: EventScan) -> dict[str, 
                 scan.mechanism, problem.trials, problem.whiteners[j], fit, j, float(at[j])
             )
     return times
-
-
-def _times_of(fit: JointFit) -> Mapping[str, float]:
-    """Return the times by label of the event that was added last."""
-    latent = fit.simulation.additions[-1].latent
-    return latent.times_s if isinstance(latent, EventAt) else {}
 
 
 def _same_event(fit: JointFit, candidate: Candidate) -> bool:

@@ -51,7 +51,11 @@ def gain_step(problem: Problem, fit: JointFit) -> GainStep | None:
         force_mn = fit.simulation.force_mn(trial, own) - own.offset_mn
         stepped = np.vstack([after(trial, np.array([t])) * force_mn * courses(trial, t) for t in times]).T
         latent = fit.simulation.latent_columns(trial, own, fit.latents[j])
-        line = linearise(trial, whitener, fit.simulation, own, problem.trials, latent, fit.latents[j])
+        # where tissues were seen to scatter, the trial has one of its own in both accounts
+        one_tissue = not problem.scatter_mn
+        line = linearise(
+            trial, whitener, fit.simulation, own, problem.trials, latent, fit.latents[j], frozen=one_tissue
+        )
         of_event = np.concatenate(
             [
                 np.full(a.latent.n_columns(trial), isinstance(a.latent, EventAt))
@@ -60,12 +64,9 @@ def gain_step(problem: Problem, fit: JointFit) -> GainStep | None:
             ]
         )
         mine = np.concatenate([np.zeros(line.A.shape[1] - len(of_event), dtype=bool), of_event])
-        # where tissues were seen to scatter, the trial has one of its own in both accounts
-        basis = column_space(
-            np.hstack([line.A[:, ~mine], line.J] if problem.scatter_mn else [line.A[:, ~mine]])
-        )
+        basis = column_space(np.hstack([line.A[:, ~mine], line.J]))
         without = np.where(of_event, 0.0, fit.latents[j])
-        bare = whitener(trial.force_mn - fit.simulation.whole_force_mn(trial, own, latent, without))
+        bare = whitener(trial.force_mn - fit.simulation.whole_force_mn(trial, own, without))
         of_named = _left(bare, basis) - _left(line.r, basis)
         of_step = _explained(bare, basis, whitener(stepped))
         better_by += of_step - of_named - 2.0 * float(stepped.shape[1] - of_event.sum())

@@ -52,7 +52,7 @@ def linearise(
         deeper = simulation.force_mn(trial, replace(own, z0_mm=own.z0_mm + Z0_STEP_MM))
         own_columns.append((deeper - force) / Z0_STEP_MM)
     A = np.column_stack([*own_columns, latent])
-    whole = simulation.whole_force_mn(trial, own, latent, coefficients) if coefficients.size else force
+    whole = simulation.whole_force_mn(trial, own, coefficients) if coefficients.size else force
     residual = trial.force_mn - whole
     stacked = whitener(np.column_stack([residual, columns, A]))
     p = columns.shape[1]

@@ -53,9 +53,7 @@ class Problem:
 
     def _unsettled(self, fit: JointFit, j: int) -> FloatArray:
         t, o = self.trials[j], fit.own[j]
-        return t.force_mn - fit.simulation.whole_force_mn(
-            t, o, fit.simulation.latent_columns(t, o), fit.latents[j]
-        )
+        return t.force_mn - fit.simulation.whole_force_mn(t, o, fit.latents[j])
 
     def residuals(self, fit: JointFit) -> list[FloatArray]:
         """Return what a fit leaves of every trial's cells, mN."""

@@ -98,31 +98,36 @@ class Simulation:
                 force = force + a.hum.at(trial.label, trial.time_s, trial.counts / trial.sample_rate_hz)
         return force
 
-    def whole_force_mn(
-        self, trial: CellTrial, own: PerTrial, columns: FloatArray, coefficients: FloatArray
-    ) -> FloatArray:
-        """Return the simulated force of a trial (n,) with what is latent in it: its `latent_columns` and coefficients.
+    def whole_force_mn(self, trial: CellTrial, own: PerTrial, coefficients: FloatArray) -> FloatArray:
+        """Return the simulated force of a trial (n,) with what is latent in it, by its coefficients (q,).
 
         Skin that moves by tens of micrometres is met and let go of at another place: it moves the surface itself.
         """
-        linear, surface = self._moved(trial, coefficients)
-        return self.force_mn(trial, own, surface) + columns @ linear
+        surface = self._moved_by(trial, coefficients)
+        linear = np.zeros(len(trial.time_s))
+        for latent, of_this in self._latents(trial, coefficients):
+            if latent.surface_mm(trial, of_this) is None and len(of_this):
+                linear += latent(trial, self.tissue, own) @ of_this
+        return self.force_mn(trial, own, surface) + linear
 
-    def _moved(self, trial: CellTrial, coefficients: FloatArray) -> tuple[FloatArray, FloatArray | float]:
-        """Return the coefficients (q,) of what is linear, the others 0, and how the others move the surface."""
-        linear = coefficients.copy()
-        surface: FloatArray | float = 0.0
-        at = 0
+    def _latents(self, trial: CellTrial, coefficients: FloatArray) -> list[tuple[Latent, FloatArray]]:
+        """Return what is latent in a trial, each with its part of the coefficients (q,)."""
+        found, at = [], 0
         for a in self.additions:
-            if a.latent is None:
-                continue
-            of_this = slice(at, at + a.latent.n_columns(trial))
-            at = of_this.stop
-            track = a.latent.surface_mm(trial, coefficients[of_this])
+            if a.latent is not None:
+                n = a.latent.n_columns(trial)
+                found.append((a.latent, coefficients[at : at + n]))
+                at += n
+        return found
+
+    def _moved_by(self, trial: CellTrial, coefficients: FloatArray) -> FloatArray | float:
+        """Return how what is latent in a trial moves the surface (n,), mm; 0 where nothing does."""
+        surface: FloatArray | float = 0.0
+        for latent, of_this in self._latents(trial, coefficients):
+            track = latent.surface_mm(trial, of_this)
             if track is not None:
                 surface = surface + track
-                linear[of_this] = 0.0
-        return linear, surface
+        return surface
 
     def latent_columns(
         self, trial: CellTrial, own: PerTrial, coefficients: FloatArray | None = None
@@ -131,7 +136,7 @@ class Simulation:
 
         ``coefficients`` (q,): where they stand; a surface that moved far is touched elsewhere.
         """
-        surface = 0.0 if coefficients is None else self._moved(trial, coefficients)[1]
+        surface = 0.0 if coefficients is None else self._moved_by(trial, coefficients)
         columns = [a.latent(trial, self.tissue, own, surface) for a in self.additions if a.latent is not None]
         return np.column_stack(columns) if columns else np.zeros((len(trial.time_s), 0))
 

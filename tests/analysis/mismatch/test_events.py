@@ -59,11 +59,9 @@ def test_a_surface_that_shifts_far_is_let_go_of_elsewhere() -> None:
     simulation = Simulation(start_tissue(trials), (Addition(ARTEFACT, {}, shifts),))
     columns = simulation.latent_columns(trial, own)
     bare = simulation.force_mn(trial, own)
-    np.testing.assert_array_equal(simulation.whole_force_mn(trial, own, columns, np.zeros(3)), bare)
+    np.testing.assert_array_equal(simulation.whole_force_mn(trial, own, np.zeros(3)), bare)
     pressed = trial.in_phase("hold") & (trial.time_s > 5.1)
-    slight, far = (
-        simulation.whole_force_mn(trial, own, columns, np.array([um, 0.0, 0.0])) for um in (0.1, 30.0)
-    )
+    slight, far = (simulation.whole_force_mn(trial, own, np.array([um, 0.0, 0.0])) for um in (0.1, 30.0))
     # in the hold the tissue is linear, so that 30 um are 30 times 1 um
     np.testing.assert_allclose((slight - bare)[pressed], 0.1 * columns[pressed, 0], rtol=1e-3)
     np.testing.assert_allclose((far - bare)[pressed], 30.0 * columns[pressed, 0], rtol=1e-3)
@@ -83,7 +81,7 @@ def test_an_oscillating_surface_moves_as_its_columns_say() -> None:
     columns = simulation.latent_columns(trial, own)
     sizes = 0.01 * np.random.default_rng(4).normal(size=columns.shape[1])
     assert wave.n_columns(trial) == len(sizes)
-    moved = simulation.whole_force_mn(trial, own, columns, sizes) - simulation.force_mn(trial, own)
+    moved = simulation.whole_force_mn(trial, own, sizes) - simulation.force_mn(trial, own)
     # a force that relaxes remembers what the surface did before the contact that the columns begin with
     late = trial.in_phase("hold") & (trial.time_s > 8.0)
     np.testing.assert_allclose(moved[late], (columns @ sizes)[late], atol=0.05 * np.abs(moved[late]).max())

@@ -153,7 +153,8 @@ def surface_candidates(problem: Problem, fit: JointFit, seen: Look, to_beat: flo
         if centre < QUICK_ABOVE_HZ and best.total_gain > LARGE_GAIN * len(problem.trials):
             # a large and slow movement bends everything else, which takes its rounds to come right again
             settled = problem.fit(best.fit.simulation, best.fit.own, rounds=20)
-            best = _latent_candidate(best.mechanism, fit, settled, best.p_value)
+            options.append(_latent_candidate(best.mechanism, fit, settled, best.p_value))
+            best = max(options, key=lambda c: c.total_gain)
         found.append(best)
     return found
 

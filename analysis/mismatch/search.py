@@ -46,13 +46,12 @@ def search(problem: Problem, baseline: JointFit, rng: np.random.Generator) -> Na
     chosen: list[Candidate] = []
     considered: list[tuple[Candidate, ...]] = []
     first = seen = look(problem, baseline, rng)
-    explained = 0.0
     while len(chosen) < MOST_MECHANISMS:
         found = candidates(problem, fits[-1], seen)
         considered.append(tuple(found))
         if not found:
             break
-        best = next((c for c in found if _worth_naming(problem, fits[-1], c, explained)), None)
+        best = next((c for c in found if _worth_naming(problem, fits[-1], c, chosen)), None)
         if best is None or best.total_gain < 0.5 * found[0].total_gain:
             pair = None if chosen else _worth_together(problem, baseline, found, rng)
             if pair is None:
@@ -61,10 +60,8 @@ def search(problem: Problem, baseline: JointFit, rng: np.random.Generator) -> Na
             chosen.append(first_of_pair)
             fits.append(first_of_pair.fit)
             considered.append(beside)
-            explained += first_of_pair.total_gain
         chosen.append(best)
         fits.append(best.fit)
-        explained += best.total_gain
         seen = look(problem, best.fit, rng)
     return Named(tuple(fits), tuple(chosen), tuple(considered), first, seen)
 
@@ -88,14 +85,17 @@ def _worth_together(
     return None
 
 
-def _worth_naming(problem: Problem, fit: JointFit, best: Candidate, explained: float) -> bool:
+def _worth_naming(problem: Problem, fit: JointFit, best: Candidate, chosen: Sequence[Candidate]) -> bool:
     """Judge whether a mechanism explains enough of what is left, the more the smaller it is beside the others.
 
     A rough law's remainder can look like a little of anything; only what takes most of it away earns a name. The
     more laws are there already, the more a further one has to explain: three that explain a third each of what is
-    left are no physics but a fit.
+    left are no physics but a fit. What an oscillation or an event leaves over differs from trial to trial as they
+    do themselves: a law beside them repeats, and may be as small as it likes.
     """
-    if best.total_gain < SMALLEST_SHARE * explained:
+    explained = sum(c.total_gain for c in chosen)
+    beside = sum(c.total_gain for c in chosen if c.mechanism.form == "law")
+    if best.total_gain < SMALLEST_SHARE * (beside if best.mechanism.form == "law" else explained):
         return False
     if len(problem.trials) < REPEATS:
         # what repeats can't be asked of one or two trials

@@ -29,8 +29,9 @@ from analysis.mismatch.oscillations import (
     surface_addition,
 )
 from analysis.mismatch.problem import Problem
-from analysis.mismatch.shared import Addition
+from analysis.mismatch.shared import Addition, Simulation
 from analysis.mismatch.signatures import Probe
+from analysis.mismatch.start import start_tissue
 from analysis.simulation.mechanism import Mechanism, library
 
 FloatArray = NDArray[np.float64]
@@ -151,12 +152,24 @@ def surface_candidates(problem: Problem, fit: JointFit, seen: Look, to_beat: flo
             )
         best = max(options, key=lambda c: c.total_gain)
         if centre < QUICK_ABOVE_HZ and best.total_gain > LARGE_GAIN * len(problem.trials):
-            # a large and slow movement bends everything else, which takes its rounds to come right again
-            settled = problem.fit(best.fit.simulation, best.fit.own, rounds=20)
-            options.append(_latent_candidate(best.mechanism, fit, settled, best.p_value))
+            # a large and slow movement had bent everything else, which takes its rounds to come right again
+            for simulation in (best.fit.simulation, _begun_anew(problem, best.fit)):
+                settled = problem.fit(simulation, best.fit.own, rounds=20)
+                options.append(_latent_candidate(best.mechanism, fit, settled, best.p_value))
             best = max(options, key=lambda c: c.total_gain)
         found.append(best)
     return found
+
+
+def _begun_anew(problem: Problem, fit: JointFit) -> Simulation:
+    """Return a fit's simulation with a first tissue of the trials without what is latent in them."""
+    still = [
+        replace(
+            t, force_mn=t.force_mn - fit.simulation.whole_force_mn(t, o, c) + fit.simulation.force_mn(t, o)
+        )
+        for t, o, c in zip(problem.trials, fit.own, fit.latents, strict=True)
+    ]
+    return replace(fit.simulation, tissue=start_tissue(still))
 
 
 def _spectrum_for(band: Band, seen: Look) -> Spectrum:

@@ -26,12 +26,12 @@ from analysis.mismatch.oscillations import (
     line_p_value,
     line_power,
     mains_lines,
-    surface_addition,
 )
 from analysis.mismatch.problem import Problem
 from analysis.mismatch.shared import Addition, Simulation
 from analysis.mismatch.signatures import Probe
 from analysis.mismatch.start import start_tissue
+from analysis.mismatch.surface_oscillation import surface_addition
 from analysis.simulation.mechanism import Mechanism, library
 
 FloatArray = NDArray[np.float64]

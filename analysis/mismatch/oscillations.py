@@ -6,7 +6,7 @@ noise model decides what is much. The cube root makes a power nearly symmetric, 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,10 +18,9 @@ from analysis.mismatch.freed import Freed
 from analysis.mismatch.joint import JointFit
 from analysis.mismatch.noise import Whitener
 from analysis.mismatch.shared import Addition, Hum
-from analysis.mismatch.surface_motion import in_contact, pressed, surface_force
+from analysis.mismatch.surface_motion import in_contact, surface_force
 from analysis.simulation.cells import CellTrial
-from analysis.simulation.forward import PerTrial
-from analysis.simulation.mechanism import Mechanism, Tissue, library
+from analysis.simulation.mechanism import Mechanism, library
 
 FloatArray = NDArray[np.float64]
 
@@ -201,80 +200,6 @@ def stray_lines(
         rms = float(np.sqrt(2.0 * absolute[around].sum() / n)) / shortest
         found.append((float(frequency[k]), rms, float(p[k])))
     return found
-
-
-@dataclass(frozen=True)
-class SurfaceOscillation:
-    """The columns of an oscillating surface.
-
-    Each trial has its own frequency (Hz, by label); ``knot_s`` is the spacing of its envelope's knots.
-    """
-
-    frequencies_hz: Mapping[str, float]
-    harmonics: int
-    knot_s: float
-
-    def __call__(
-        self, trial: CellTrial, tissue: Tissue, own: PerTrial, surface_mm: FloatArray | float = 0.0
-    ) -> FloatArray:
-        """Return the force (n, q) of unit amplitudes (um), cosine and sine of each knot in turn."""
-        f = self.frequencies_hz.get(trial.label)
-        if f is None or trial.kind in ("air_sweep", "rigid_target"):
-            return np.zeros((len(trial.time_s), 0))
-        rows = []
-        hats = hat_functions(trial, self.knot_s)
-        for h in range(1, self.harmonics + 1):
-            phase = 2 * np.pi * h * f * trial.time_s
-            rows += [wave * hat for hat in hats for wave in (np.cos(phase), np.sin(phase))]
-        return surface_force(trial, tissue, own, 1e-3 * np.array(rows), pressed(trial, own, surface_mm)).T
-
-    def n_columns(self, trial: CellTrial) -> int:
-        """Return cosine and sine of every harmonic at every knot."""
-        if trial.label not in self.frequencies_hz or trial.kind in ("air_sweep", "rigid_target"):
-            return 0
-        return 2 * self.harmonics * len(hat_functions(trial, self.knot_s))
-
-    def surface_mm(self, trial: CellTrial, coefficients: FloatArray) -> FloatArray | None:
-        """Return how the surface moves (n,) for coefficients (q,), um."""
-        if not self.n_columns(trial):
-            return None
-        f, hats = self.frequencies_hz[trial.label], hat_functions(trial, self.knot_s)
-        by_knot = coefficients.reshape(self.harmonics, len(hats), 2)
-        moved = np.zeros(len(trial.time_s))
-        for h in range(self.harmonics):
-            phase = 2 * np.pi * (h + 1) * f * trial.time_s
-            moved += np.cos(phase) * (by_knot[h, :, 0] @ hats) + np.sin(phase) * (by_knot[h, :, 1] @ hats)
-        return 1e-3 * moved
-
-
-def is_overtone(
-    oscillation: SurfaceOscillation, others: Sequence[SurfaceOscillation], within: float = 0.1
-) -> bool:
-    """Tell whether an oscillation's frequency is a whole multiple of another's, to a share ``within`` of that."""
-    frequency = float(np.median(list(oscillation.frequencies_hz.values())))
-    ratios = [frequency / float(np.median(list(o.frequencies_hz.values()))) for o in others]
-    return any(round(r) >= 1 and abs(r - round(r)) < within for r in ratios)
-
-
-def surface_addition(
-    mechanism: Mechanism, frequencies_hz: Mapping[str, float], harmonics: int, knot_s: float
-) -> Addition:
-    """Return the oscillation as an addition with free phase, its amplitude free to wander over ``knot_s``."""
-    median = float(np.median(list(frequencies_hz.values())))
-    columns = SurfaceOscillation(frequencies_hz, harmonics, knot_s)
-    return Addition(mechanism, {"amplitude_um": 0.0, "frequency_hz": median}, columns)
-
-
-def hat_functions(trial: CellTrial, knot_s: float) -> FloatArray:
-    """Return hat functions (m, n) that add up to one over the time in contact, knots ``knot_s`` apart."""
-    t = trial.time_s
-    # by the first contact point: the number of knots must not change while a fit moves its own
-    touching = t[trial.position_mm > trial.z0_start_mm]
-    if not touching.size or not np.isfinite(knot_s):
-        return np.ones((1, len(t)))
-    first, last = float(touching[0]), float(touching[-1])
-    knots = np.linspace(first, last, max(2, 1 + round((last - first) / knot_s)))
-    return np.array([np.interp(t, knots, row) for row in np.eye(len(knots))])
 
 
 def line_power(residual_mn: FloatArray, sample_rate_hz: float, grid_hz: FloatArray) -> FloatArray:

@@ -12,11 +12,11 @@ from analysis.mismatch.diagnosis import Diagnosis
 from analysis.mismatch.events import EventAt
 from analysis.mismatch.joint import JointFit, fit_jointly
 from analysis.mismatch.linearised import linearise
-from analysis.mismatch.oscillations import SurfaceOscillation, hat_functions
 from analysis.mismatch.problem import Problem
 from analysis.mismatch.report import Quantity
 from analysis.mismatch.shared import Addition, Hum
 from analysis.mismatch.surface_motion import in_contact
+from analysis.mismatch.surface_oscillation import SurfaceOscillation, hat_functions
 from analysis.simulation.mechanism import Mechanism, library
 
 FloatArray = NDArray[np.float64]

@@ -10,9 +10,9 @@ import numpy as np
 from analysis.mismatch.candidates import Candidate, candidates
 from analysis.mismatch.joint import JointFit
 from analysis.mismatch.look import Look, look
-from analysis.mismatch.oscillations import SurfaceOscillation, is_overtone
 from analysis.mismatch.problem import REPEATS, Problem
 from analysis.mismatch.profiles import OUTSIDE
+from analysis.mismatch.surface_oscillation import SurfaceOscillation, is_overtone
 
 MOST_MECHANISMS = 4
 SHARE_EXPLAINED = (0.35, 0.6, 0.8)

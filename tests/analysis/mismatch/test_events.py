@@ -8,9 +8,9 @@ import pytest
 
 from analysis.mismatch.events import EventAt, EventScan, event_mechanisms, event_p_value
 from analysis.mismatch.intake import take_in_memory
-from analysis.mismatch.oscillations import SurfaceOscillation, is_overtone
 from analysis.mismatch.shared import Addition, Simulation
 from analysis.mismatch.start import start_own, start_tissue
+from analysis.mismatch.surface_oscillation import SurfaceOscillation, is_overtone
 
 sys.path.append(str(Path(__file__).parents[2]))
 from bench_trials import bench_trials

@@ -20,6 +20,7 @@ SMALL_SHARE = 0.10
 SMALL_MUST_EXPLAIN = 0.80
 MOST_TRIALS = 0.6
 SMALLEST_SHARE = 0.002
+SMALLEST_BESIDE_UNSTEADY = 1e-4
 EXTRA_SHARE = 0.02
 OVERTONE_SHARE = 0.1
 SINGLE_TRIAL_SHARE = 0.01
@@ -91,11 +92,14 @@ def _worth_naming(problem: Problem, fit: JointFit, best: Candidate, chosen: Sequ
     A rough law's remainder can look like a little of anything; only what takes most of it away earns a name. The
     more laws are there already, the more a further one has to explain: three that explain a third each of what is
     left are no physics but a fit. What an oscillation or an event leaves over differs from trial to trial as they
-    do themselves: a law beside them repeats, and may be as small as it likes.
+    do themselves: a law beside them repeats, and may be far smaller.
     """
     explained = sum(c.total_gain for c in chosen)
-    beside = sum(c.total_gain for c in chosen if c.mechanism.form == "law")
-    if best.total_gain < SMALLEST_SHARE * (beside if best.mechanism.form == "law" else explained):
+    by_laws = sum(c.total_gain for c in chosen if c.mechanism.form == "law")
+    smallest = SMALLEST_SHARE * explained
+    if best.mechanism.form == "law":
+        smallest = max(SMALLEST_SHARE * by_laws, SMALLEST_BESIDE_UNSTEADY * explained)
+    if best.total_gain < smallest:
         return False
     if len(problem.trials) < REPEATS:
         # what repeats can't be asked of one or two trials

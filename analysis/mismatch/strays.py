@@ -147,10 +147,16 @@ def _lines(
 def _far_off(
     signal: Literal["force", "position"], residuals: Sequence[FloatArray], trials: Sequence[CellTrial]
 ) -> list[Stray]:
-    """Count samples beyond six robust standard deviations; a kink's neighbourhood does not count."""
+    """Count samples beyond six robust standard deviations.
+
+    A kink's neighbourhood does not count, nor force on the way back: the sample at which skin lets go no law foretells.
+    """
     count, total, sizes, where = 0, 0, [], []
     for trial, r in zip(trials, residuals, strict=True):
-        at_rest = np.repeat(trial.fitted & (trial.counts > 1), trial.counts.astype(np.int64))
+        plain = trial.fitted & (trial.counts > 1)
+        if signal == "force":
+            plain &= ~(trial.retracting & (np.abs(trial.velocity_mm_s) > MOVING_MM_S))
+        at_rest = np.repeat(plain, trial.counts.astype(np.int64))
         if signal == "force":
             at_rest = at_rest[np.repeat(trial.fitted, trial.counts.astype(np.int64))]
         jump = r[1:-1] - 0.5 * (r[:-2] + r[2:])

@@ -66,7 +66,7 @@ class NotIdentifiable:
 
 @dataclass(frozen=True, slots=True)
 class Remainder:
-    """What is significant but small after everything named; ``share`` of the baseline's mismatch."""
+    """What is significant but small after everything named; ``share`` of its rms in that of the baseline's mismatch."""
 
     share: float
     rms_mn: float

@@ -11,6 +11,13 @@ from analysis.mismatch.confirm import HeldOut
 from analysis.mismatch.diagnosis import Diagnosis
 from analysis.mismatch.look import LEVEL
 from analysis.mismatch.places import Places, chosen_of, locate
+from analysis.mismatch.remainder import (
+    is_small,
+    large_strays,
+    remainder_first,
+    remainder_of,
+    stray_windows,
+)
 from analysis.mismatch.report import (
     Comparison,
     FoundMechanism,
@@ -22,10 +29,8 @@ from analysis.mismatch.report import (
     Verdict,
     Window,
 )
-from analysis.mismatch.strays import Stray
 from analysis.simulation.mechanism import library
 
-SMALL_REMAINDER = 0.10
 BEGINS_IN_CONTACT = 0.02
 TOLERANCE_BELOW = 0.1
 SMALL_FORCE = 0.01
@@ -59,12 +64,12 @@ def make_report(
     tolerance_mn, tolerated = _tolerance(diagnosis, tolerance_mn)
     places = locate(diagnosis)
     mechanisms = _mechanisms(diagnosis)
-    remainder = _remainder(places)
+    remainder = remainder_of(places)
     verdict = _verdict(diagnosis, places, mechanisms, remainder, tolerance_mn)
     position = _position_windows(diagnosis)
-    mismatch = () if verdict == "no_mismatch" else places.before + position + _stray_windows(diagnosis)
+    mismatch = () if verdict == "no_mismatch" else places.before + position + stray_windows(diagnosis)
     if verdict == "unknown" and mechanisms:
-        mismatch = _remainder_first(places, mismatch)
+        mismatch = remainder_first(places, mismatch)
     before, after = (
         quantities.shared_quantities(diagnosis.problem, fit)[0]
         for fit in (diagnosis.baseline, diagnosis.improved)
@@ -148,63 +153,6 @@ def _position_windows(diagnosis: Diagnosis) -> tuple[Window, ...]:
     return located.position_windows(diagnosis.problem.trials, position, bins)
 
 
-def _remainder_first(places: Places, mismatch: tuple[Window, ...]) -> tuple[Window, ...]:
-    """Put the windows of what remains unexplained before those of what was found."""
-    remaining = {(w.phase, round(w.start_s, 3)) for w in places.after}
-    return (
-        *(
-            replace(w, conditions=f"{w.conditions}; left after what was found")
-            for w in sorted(places.after, key=lambda w: -w.share_of_mismatch)[: located.MOST_WINDOWS]
-        ),
-        *(w for w in mismatch if (w.phase, round(w.start_s, 3)) not in remaining),
-    )
-
-
-def _remainder(places: Places) -> Remainder | None:
-    if not places.after:
-        return None
-    return Remainder(
-        # what repeats is a remainder wherever it lies; only some of it need stand out of a window by itself
-        share=max(
-            float(sum(w.share_of_mismatch for w in places.after)), places.left / max(places.total, 1e-12)
-        ),
-        rms_mn=float(max(w.rms_mn or 0.0 for w in places.after)),
-        where=places.after,
-    )
-
-
-def large_strays(diagnosis: Diagnosis) -> tuple[Stray, ...]:
-    """Return the strays that are no small remainder (below a tenth) of what was named."""
-    named = sum(max(c.total_gain, 0.0) for c in diagnosis.named.chosen)
-    samples = sum(float(t.counts.sum()) for t in diagnosis.problem.trials)
-    noise = {"force": diagnosis.problem.white_mn}
-    if diagnosis.position is not None:
-        noise["position"] = diagnosis.position.noise_mm
-    return tuple(
-        s
-        for s in diagnosis.strays
-        if samples * (s.rms / noise.get(s.signal, 1.0)) ** 2 >= SMALL_REMAINDER * named
-    )
-
-
-def _stray_windows(diagnosis: Diagnosis) -> tuple[Window, ...]:
-    return tuple(
-        Window(
-            signal=s.signal,
-            phase=s.phase,
-            start_s=s.start_s,
-            stop_s=s.stop_s,
-            mean_residual_mn=0.0 if s.signal == "force" else None,
-            p_value=s.p_value,
-            share_of_mismatch=0.0,
-            conditions=s.words,
-            rms_mn=s.rms if s.signal == "force" else None,
-            mean_residual_um=0.0 if s.signal == "position" else None,
-        )
-        for s in large_strays(diagnosis)
-    )
-
-
 def _verdict(
     diagnosis: Diagnosis,
     places: Places,
@@ -214,9 +162,7 @@ def _verdict(
 ) -> Verdict:
     position = diagnosis.position
     lever_unknown = position is not None and len(position.unknown_bins) > 0 and not servo_named(diagnosis)
-    too_much = remainder is not None and (
-        remainder.share >= SMALL_REMAINDER or remainder.rms_mn >= tolerance_mn
-    )
+    too_much = remainder is not None and not is_small(remainder, tolerance_mn)
     force_unknown = not diagnosis.named.chosen and not diagnosis.named.first_look.quiet
     if lever_unknown or too_much or force_unknown or large_strays(diagnosis):
         return "unknown"

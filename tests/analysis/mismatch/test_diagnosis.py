@@ -150,6 +150,21 @@ def test_what_is_outside_the_library_is_said_in_words_and_never_the_whole_story(
     _assert_unknown(_diagnose(effect), words)
 
 
+@pytest.mark.parametrize(
+    ("effect", "verdict"),
+    [
+        ('name = "cable_drag"\ndrag_mn = 1.0', "unknown"),
+        ('name = "coulomb_friction"\nforce_mn = 1.0\nrough = 0.8', "named"),
+    ],
+)
+def test_a_law_that_leaves_a_quarter_of_the_mismatch_is_not_the_whole_story(
+    effect: str, verdict: str
+) -> None:
+    report = make_report(_diagnose(effect), baseline="ramp", seed=1, tolerance_mn=0.3)
+    assert report.verdict == verdict
+    assert [m.name for m in report.mechanisms] == ["coulomb_friction"]
+
+
 def test_a_trend_over_the_trials_is_seen_where_order_and_depth_are_not_the_same() -> None:
     in_order = study_plans(depths_mm=(0.2, 0.5, 0.8), repeats=4)
     plans = [in_order[4 * (i % 3) + i // 3] for i in range(12)]

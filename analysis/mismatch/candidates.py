@@ -7,15 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.mismatch.events import (
-    SAME_EVENT_S,
-    EventAt,
-    EventScan,
-    by_chance,
-    event_addition,
-    refine_time,
-    scan_events,
-)
+from analysis.mismatch.event_at import SAME_EVENT_S, EventAt, event_addition
+from analysis.mismatch.events import EventScan, by_chance, refine_time, scan_events
 from analysis.mismatch.joint import JointFit
 from analysis.mismatch.look import LEVEL, Look, strict
 from analysis.mismatch.oscillations import (

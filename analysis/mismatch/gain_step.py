@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.mismatch.events import SAME_EVENT_S, EventAt, after, courses
+from analysis.mismatch.event_at import SAME_EVENT_S, EventAt, after, courses
 from analysis.mismatch.joint import JointFit
 from analysis.mismatch.linearised import column_space, linearise
 from analysis.mismatch.problem import Problem

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.mismatch.diagnosis import Diagnosis
-from analysis.mismatch.events import EventAt
+from analysis.mismatch.event_at import EventAt
 from analysis.mismatch.joint import JointFit, fit_jointly
 from analysis.mismatch.linearised import linearise
 from analysis.mismatch.problem import Problem

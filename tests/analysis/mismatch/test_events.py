@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.mismatch.events import EventAt, EventScan, event_mechanisms, event_p_value
+from analysis.mismatch.event_at import EventAt
+from analysis.mismatch.events import EventScan, event_mechanisms, event_p_value
 from analysis.mismatch.intake import take_in_memory
 from analysis.mismatch.shared import Addition, Simulation
 from analysis.mismatch.start import start_own, start_tissue

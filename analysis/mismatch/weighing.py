@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.mismatch.event_at import EventAt
 from analysis.mismatch.joint import JointFit, reduced
 from analysis.mismatch.linearised import linearise, shared_columns
 from analysis.mismatch.noise import NoiseModel, Whitener, measure_noise
@@ -19,21 +20,32 @@ from analysis.simulation.forward import PerTrial
 FloatArray = NDArray[np.float64]
 
 LONG_SEGMENT_S = 6.4
+ABOUT_EVENT_S = 0.05
+SHORTEST_STRETCH = 64
 
 
 def quiet_residuals(problem: Problem, fit: JointFit) -> list[FloatArray]:
-    """Return full-rate residuals of stretches at rest, from which the noise is measured."""
+    """Return full-rate residuals of stretches at rest, from which the noise is measured.
+
+    The moments of events that were named are left out: what their laws leave there is quick and large.
+    """
+    events = [a.latent.times_s for a in fit.simulation.additions if isinstance(a.latent, EventAt)]
     found = []
     for j, t in enumerate(problem.trials):
         r = problem.full_residual(fit, j)
         at = np.repeat(np.arange(len(t.counts)), t.counts.astype(np.int64))
         at = at[np.repeat(t.fitted, t.counts.astype(np.int64))]
+        steady = np.ones(len(at), dtype=bool)
+        for times_s in events:
+            if t.label in times_s:
+                steady &= np.abs(t.time_s[at] - times_s[t.label]) > ABOUT_EVENT_S
         settle = round(0.3 * t.sample_rate_hz)
         for name in ("dwell", "hold", "clear", "sweep"):
-            part = r[t.in_phase(name)[at]]
-            skip = 0 if name == "sweep" else min(settle, len(part) // 3)
-            if len(part) - skip >= 64:
-                found.append(part[skip:])
+            part = np.flatnonzero(t.in_phase(name)[at])
+            part = part[0 if name == "sweep" else min(settle, len(part) // 3) :]
+            part = part[steady[part]]
+            stretches = np.split(part, np.flatnonzero(np.diff(part) > 1) + 1)
+            found += [r[stretch] for stretch in stretches if len(stretch) >= SHORTEST_STRETCH]
     return found or [problem.full_residual(fit, j) for j in range(len(problem.trials))]
 
 

@@ -236,7 +236,7 @@ def _add_analysis_commands(commands: argparse._SubParsersAction[_OneLineParser])
         type=_positive,
         default=0.3,
         metavar="MN",
-        help="a remainder below this is small; mN rms",
+        help="a remainder below this, and below a tenth of the mismatch, is small; mN rms",
     )
 
 

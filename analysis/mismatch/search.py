@@ -23,6 +23,7 @@ SMALLEST_SHARE = 0.002
 SMALLEST_BESIDE_UNSTEADY = 1e-4
 EXTRA_SHARE = 0.02
 OVERTONE_SHARE = 0.1
+REPEATED_SHARE = 0.5
 SINGLE_TRIAL_SHARE = 0.01
 CLEAR_OF_ERROR = 2.0
 TRIED_TOGETHER = 2
@@ -48,7 +49,7 @@ def search(problem: Problem, baseline: JointFit, rng: np.random.Generator) -> Na
     considered: list[tuple[Candidate, ...]] = []
     first = seen = look(problem, baseline, rng)
     while len(chosen) < MOST_MECHANISMS:
-        found = candidates(problem, fits[-1], seen)
+        found = [c for c in candidates(problem, fits[-1], seen) if not repeats(problem, fits[-1], c)]
         considered.append(tuple(found))
         if not found:
             break
@@ -65,6 +66,17 @@ def search(problem: Problem, baseline: JointFit, rng: np.random.Generator) -> Na
         fits.append(best.fit)
         seen = look(problem, best.fit, rng)
     return Named(tuple(fits), tuple(chosen), tuple(considered), first, seen)
+
+
+def repeats(problem: Problem, fit: JointFit, candidate: Candidate) -> bool:
+    """Tell whether most of what an oscillation explains is the same in every trial: its phase is not, a law's work is.
+
+    A slow wave that may swell and fade as it likes follows what a quick relaxation leaves, too.
+    """
+    if candidate.mechanism.form != "oscillation" or len(problem.trials) < REPEATS:
+        return False
+    before, after = (problem.weighed_repeatable(f) for f in (fit, candidate.fit))
+    return before - after > REPEATED_SHARE * candidate.total_gain
 
 
 def _worth_together(

@@ -6,12 +6,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from analysis.mismatch.candidates import Candidate, refit_added
 from analysis.mismatch.event_at import EventAt
 from analysis.mismatch.events import EventScan, event_mechanisms, event_p_value
 from analysis.mismatch.intake import take_in_memory
+from analysis.mismatch.noise import NoiseModel
+from analysis.mismatch.search import repeats
 from analysis.mismatch.shared import Addition, Simulation
 from analysis.mismatch.start import start_own, start_tissue
-from analysis.mismatch.surface_oscillation import SurfaceOscillation, is_overtone
+from analysis.mismatch.surface_oscillation import SurfaceOscillation, is_overtone, surface_addition
+from analysis.mismatch.weighing import weighed
+from analysis.simulation.mechanism import library
 
 sys.path.append(str(Path(__file__).parents[2]))
 from bench_trials import bench_trials
@@ -50,6 +55,28 @@ def test_many_weak_events_are_seen_together() -> None:
 def test_whole_multiples_of_a_breath_are_its_overtones(frequency_hz: float, overtone: bool) -> None:
     breath = SurfaceOscillation({"a": 0.3, "b": 0.31}, 1, np.inf)
     assert is_overtone(SurfaceOscillation({"a": frequency_hz}, 1, np.inf), [breath]) is overtone
+
+
+@pytest.mark.parametrize(
+    ("effect", "the_same"),
+    [
+        ('name = "third_relaxation"\nratio_to_k0 = 0.05\ntime_constant_s = 0.6', True),
+        ('name = "respiration"\namplitude_um = 1.0\nfrequency_hz = 0.25', False),
+    ],
+)
+def test_what_is_the_same_in_every_trial_is_no_breath(effect: str, the_same: bool) -> None:
+    plans = study_plans(depths_mm=(0.3, 0.6), repeats=5)
+    bench = f"seed = 3\n[specimens]\npublished_tissue = true\n[[effects]]\n{effect}\n"
+    trials = take_in_memory(bench_trials(bench, plans)).trials
+    problem = weighed(trials, NoiseModel(0.3))
+    plain = problem.fit(Simulation(start_tissue(trials)), start_own(trials))
+    breath = library()["respiration"]
+    # free to swell and fade, a slow wave follows a law's remainder too
+    waves = surface_addition(breath, {t.label: 0.25 for t in trials}, 3, 2.0)
+    fit = refit_added(problem, plain, waves, rounds=3)
+    gain = plain.heldout_cost - fit.heldout_cost
+    assert gain.sum() > 1000.0
+    assert repeats(problem, plain, Candidate(breath, fit, gain, 1e-3)) is the_same
 
 
 def test_a_surface_that_shifts_far_is_let_go_of_elsewhere() -> None:

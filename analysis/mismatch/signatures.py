@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +12,8 @@ from analysis.mismatch.joint import JointFit
 from analysis.mismatch.linearised import linearise, project_out
 from analysis.mismatch.noise import Whitener
 from analysis.mismatch.profiles import OUTSIDE, bins_of
+from analysis.mismatch.shared import Addition
 from analysis.simulation.cells import CellTrial
-from analysis.simulation.forward import simulate_force
 from analysis.simulation.mechanism import Mechanism, Values
 
 FloatArray = NDArray[np.float64]
@@ -77,21 +77,14 @@ def block_edges(phase: IntArray) -> IntArray:
 def probe_columns(trial: CellTrial, fit: JointFit, index: int, probes: Sequence[Probe]) -> FloatArray:
     """Return the change of the simulated force (n, M) that each probe makes."""
     simulation, own = fit.simulation, fit.own[index]
-    added = [(a.mechanism, a.values) for a in simulation.additions]
     base = simulation.force_mn(trial, own)
     columns = np.zeros((len(base), len(probes)))
     for k, probe in enumerate(probes):
         if not probe.mechanism.applies(trial):
             continue
-        with_it = simulate_force(
-            trial,
-            simulation.tissue,
-            own,
-            [*added, (probe.mechanism, probe.values)],
-            rigid_stiffness=simulation.rigid_stiffness,
-            ideal_step=simulation.ideal_step,
-        )
-        columns[:, k] = with_it - base
+        added = Addition(probe.mechanism, probe.values)
+        with_it = replace(simulation, additions=(*simulation.additions, added))
+        columns[:, k] = with_it.force_mn(trial, own) - base
     return columns
 
 

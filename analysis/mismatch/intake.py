@@ -82,15 +82,17 @@ def _reduce(
     with_command = [h for h in heads if h.command_v is not None]
     servo = fit_servo([load(h) for h in with_command[:SERVO_TRIALS]])
     cells: list[CellTrial] = []
-    previous = None
+    before: tuple[tuple[float, float], ...] = ()
     for order, head in enumerate(heads):
         trial = load(head)
         motion = estimate_motion(trial, *servo)
-        cells.append(
-            reduce_trial(trial, motion, order=order, previous_depth_mm=previous, hold_only=hold_only)
-        )
+        rest_s = head.specimen.rest_s
+        # where the rest is not known, nobody knows how much is left
+        felt = tuple((d, ago_s + rest_s) for d, ago_s in before) if rest_s is not None else ()
+        cells.append(reduce_trial(trial, motion, order=order, pressed_before=felt, hold_only=hold_only))
         if head.kind == "ramp_hold_retract":
-            previous = cells[-1].depth_mm
+            lasted_s = float(cells[-1].time_s[-1])
+            before = ((cells[-1].depth_mm, 0.0), *((d, ago_s + lasted_s) for d, ago_s in felt))
     return Intake(tuple(cells), left_out, servo, heads[0].specimen.punch_diameter_mm, _notes(heads))
 
 

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.recordings.trial import Calibration, Phase, ProtocolSummary, Specimen, Trial
+from analysis.recordings.trial import Calibration, Phase, ProtocolSummary, Trial
 from analysis.simulation.cells import CellTrial, reduce_trial
 from analysis.simulation.motion import Motion
 from analysis.simulation.servo import follow
@@ -86,7 +86,6 @@ def planned_cells(plan: PlannedTrial, sample_rate_hz: float, order: int = 0) -> 
             ramp_speed_mm_s=plan.ramp_speed_mm_s,
             hold_s=None if sweep else plan.hold_s,
         ),
-        specimen=Specimen(rest_s=plan.rest_s),
     )
     kinks = [0, *(p.start for p in phases), n - 1]
     if sweep:
@@ -99,4 +98,4 @@ def planned_cells(plan: PlannedTrial, sample_rate_hz: float, order: int = 0) -> 
         servo_signature_mm=np.zeros((n, 2)),
         kinks=np.array(sorted(set(kinks)), dtype=np.int64),
     )
-    return reduce_trial(trial, motion, order=order, previous_depth_mm=plan.previous_depth_mm)
+    return reduce_trial(trial, motion, order=order, pressed_before=((plan.previous_depth_mm, plan.rest_s),))

@@ -42,7 +42,8 @@ class CellTrial:
     ``servo_residual_mm`` (recorded position less the nominal servo's) plain averages of what was recorded;
     ``servo_signature_mm`` (n, 2) the change of the servo's position by ln(natural frequency) and ln(damping);
     ``phase`` indexes PHASE_NAMES (-1: none).
-    ``previous_depth_mm`` and ``rest_s`` speak of the indentation before this one (None: there was none).
+    ``pressed_before`` holds the indentations before this one: depth (mm) and how long before the first sample it
+    ended (s).
     """
 
     label: str
@@ -67,8 +68,7 @@ class CellTrial:
     offset_start_mn: float
     depth_mm: float
     has_command: bool
-    rest_s: float | None = None
-    previous_depth_mm: float | None = None
+    pressed_before: tuple[tuple[float, float], ...] = ()
     target_stiffness_mn_per_mm: float | None = None
     fitted: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
 
@@ -225,7 +225,7 @@ def reduce_trial(
     motion: Motion,
     *,
     order: int = 0,
-    previous_depth_mm: float | None = None,
+    pressed_before: tuple[tuple[float, float], ...] = (),
     hold_only: bool = False,
 ) -> CellTrial:
     """Reduce a trial to cells; ``hold_only`` marks nothing but the hold as to be fitted (step baseline)."""
@@ -271,8 +271,7 @@ def reduce_trial(
         offset_start_mn=offset_mn,
         depth_mm=reached - z0_mm,
         has_command=command is not None,
-        rest_s=trial.specimen.rest_s,
-        previous_depth_mm=previous_depth_mm,
+        pressed_before=pressed_before,
         target_stiffness_mn_per_mm=trial.specimen.target_stiffness_mn_per_mm,
         fitted=fitted,
     )

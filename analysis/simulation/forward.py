@@ -61,7 +61,7 @@ def simulate_force(
     else:
         surface: FloatArray | float = surface_mm
         for m, p in added:
-            surface = surface + m.surface_mm(trial, p)
+            surface = surface + m.surface_mm(trial, tissue, p)
         z0 = own.z0_mm - surface
         x = trial.position_mm
         hold_start = int(np.argmax(trial.in_phase("hold"))) if ideal_step else 0

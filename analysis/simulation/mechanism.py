@@ -101,7 +101,7 @@ class Mechanism:
     separated_by: ClassVar[str] = ""
     inseparable: ClassVar[tuple[str, ...]] = ()
 
-    def surface_mm(self, trial: CellTrial, p: Values) -> FloatArray | float:
+    def surface_mm(self, trial: CellTrial, tissue: Tissue, p: Values) -> FloatArray | float:
         """How far the surface has moved towards the arm, (n,), mm."""
         return 0.0
 

@@ -108,17 +108,14 @@ def scan_events(
     rests = dict(zip(rests, _best_at_rest(list(rests.values())), strict=True))
     scatter = scatter_over([rest.r for rest in rests.values()], [rest.J for rest in rests.values()])
     choices = [Scatter.none(len(scatter.spread))] + ([scatter] if scatter.gain > 0 else [])
-    scored: list[dict[int, tuple[FloatArray, float]]] = [{} for _ in choices]
+    scored: list[dict[int, _Scored]] = [{} for _ in choices]
     for j, rest in rests.items():
         rows = event_rows(mechanism, trials[j], fit.simulation.tissue, fit.own[j], rest.times_s)
         C = whiteners[j](rows.T)[rest.inside]
         C -= rest.basis @ (rest.basis.T @ C)
         for choice, found in zip(choices, scored, strict=True):
             found[j] = _scored(C, rest, choice)
-    evidence = [
-        choice.gain + sum(_worth(scores) for scores, _ in found.values())
-        for choice, found in zip(choices, scored, strict=True)
-    ]
+    evidence = [sum(s.gain + _worth(s.scores) for s in found.values()) for found in scored]
     best = scored[int(np.argmax(evidence))]
     unexplained = sum(
         float(rest.r @ rest.r) - 2.0 * float(np.sum(np.log(whiteners[j].scale[rest.inside])))
@@ -128,8 +125,8 @@ def scan_events(
     return EventScan(
         mechanism,
         tuple(rests[j].times_s if j in rests else nothing for j in range(len(trials))),
-        tuple(best[j][0] if j in best else nothing for j in range(len(trials))),
-        tuple(width for s, width in best.values() if len(s) >= FEWEST_TIMES),
+        tuple(best[j].scores if j in best else nothing for j in range(len(trials))),
+        tuple(s.width for s in best.values() if len(s.scores) >= FEWEST_TIMES),
         max(evidence) - unexplained,
     )
 
@@ -176,8 +173,17 @@ def _event_times(t: FloatArray) -> FloatArray:
     return np.concatenate([np.arange(a + EDGE_S, b - EDGE_S, step_s) for a, b in stretches])
 
 
-def _scored(C: FloatArray, rest: _Rest, scatter: Scatter) -> tuple[FloatArray, float]:
-    """Return the scores (m,) of steps C (n, m) where the tissue scatters, and the width of the trial.
+@dataclass(frozen=True)
+class _Scored:
+    """Scores (m,) of steps in one trial, its width, and what the scatter gains in it: twice a log-likelihood."""
+
+    scores: FloatArray
+    width: float
+    gain: float
+
+
+def _scored(C: FloatArray, rest: _Rest, scatter: Scatter) -> _Scored:
+    """Score steps C (n, m) in a trial whose tissue scatters.
 
     The scatter adds J S S' J' to the unit covariance of the whitened residual (Woodbury's identity).
     """
@@ -186,12 +192,14 @@ def _scored(C: FloatArray, rest: _Rest, scatter: Scatter) -> tuple[FloatArray, f
     known = np.linalg.solve(factor, loose.T)
     B = known @ C
     norm = np.sqrt(np.maximum(np.einsum("nf,nf->f", C, C) - np.einsum("kf,kf->f", B, B), 1e-24))
-    scores = (C.T @ rest.r - B.T @ (known @ rest.r)) / norm
+    explained = known @ rest.r
+    gain = float(explained @ explained) - 2.0 * float(np.sum(np.log(np.diag(factor))))
+    scores = (C.T @ rest.r - B.T @ explained) / norm
     if not len(scores):
-        return scores, 0.0
+        return _Scored(scores, 0.0, gain)
     k = int(np.argmax(np.abs(scores)))
     left = scores - (C.T @ C[:, k] - B.T @ B[:, k]) / (norm * norm[k]) * scores[k]
-    return scores, float(np.max(np.abs(left))) / STRONGEST_OF_NOISE
+    return _Scored(scores, float(np.max(np.abs(left))) / STRONGEST_OF_NOISE, gain)
 
 
 def event_p_value(scan: EventScan) -> float:

@@ -94,7 +94,13 @@ def make_report(
         remainder=remainder if verdict in ("named", "one_of") else None,
         next_experiment=next_experiment,
         left_out=diagnosis.intake.left_out,
-        notes=(*diagnosis.intake.notes, *_contact_notes(diagnosis), *_scatter_notes(diagnosis), *tolerated),
+        notes=(
+            *diagnosis.intake.notes,
+            *_contact_notes(diagnosis),
+            *_scatter_notes(diagnosis),
+            *_size_notes(mechanisms),
+            *tolerated,
+        ),
         tolerance_mn=tolerance_mn,
         seed=seed,
     )
@@ -138,6 +144,16 @@ def _scatter_notes(diagnosis: Diagnosis) -> tuple[str, ...]:
         f"Trials of one condition differ from each other by {wording.force(scatter_mn)} rms beyond their noise, as if "
         "each had a gain or a tissue a little of its own. Every trial was allowed such a deviation; what is said "
         "here lies beyond it.",
+    )
+
+
+def _size_notes(mechanisms: tuple[FoundMechanism, ...]) -> tuple[str, ...]:
+    """Return what the uncertainties of sizes do not say."""
+    if not any(m.parameters for m in mechanisms):
+        return ()
+    return (
+        "Sizes are those of the library's laws: ± says how well these trials settle them, not how far the real effect "
+        "departs from its law.",
     )
 
 

@@ -120,13 +120,19 @@ class StartFinder:
             return
         first = self._begin + len(self._data) - len(data)
         guess = first + before + int(np.argmax(came)) - self._sent_departs
-        shifts = np.arange(max(guess - _REACH, self._not_before), max(guess + _REACH, self._not_before) + 1)
         samples = first + np.arange(len(data))
-        # free in the offset between output and loop-back: the variance, not the mean square
-        misfit = np.array(
-            [len(data) * np.var(data - _played(self._volts, self._held_v, samples - s)) for s in shifts]
-        )
-        best = int(np.argmin(misfit))
+        while True:
+            low, high = max(guess - _REACH, self._not_before), max(guess + _REACH, self._not_before)
+            shifts = np.arange(low, high + 1)
+            # free in the offset between output and loop-back: the variance, not the mean square
+            misfit = np.array(
+                [len(data) * np.var(data - _played(self._volts, self._held_v, samples - s)) for s in shifts]
+            )
+            best = int(np.argmin(misfit))
+            # far from the guess, a better one may lie beyond what was tried
+            if abs(int(shifts[best]) - guess) <= _REACH // 2:
+                break
+            guess = int(shifts[best])
         noise_v2 = max(misfit[best] / len(data), _SMALLEST_NOISE_V**2)
         if np.min(np.delete(misfit, best), initial=np.inf) - misfit[best] > _CERTAINTY * noise_v2:
             self.started_sample = int(shifts[best])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from rig.hardware.alignment import CommandTrack, StartFinder
@@ -33,6 +33,8 @@ def found(volts: np.ndarray, held_v: float, not_before: int, data: np.ndarray, s
 
 
 @settings(max_examples=60, deadline=None)
+# noise that leaves early puts the first guess far before the start of a slow ramp
+@example(speed_mm_s=0.5, way_mm=-1.0, rests=(18, 222), noise_and_offset_mv=(0.5, 0.0), seed=306)
 @given(
     speed_mm_s=st.floats(0.5, 60.0),
     way_mm=st.floats(0.05, 3.0) | st.floats(-3.0, -0.05),

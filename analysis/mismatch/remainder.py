@@ -47,14 +47,14 @@ def remainder_first(places: Places, mismatch: tuple[Window, ...]) -> tuple[Windo
 
 
 def large_strays(diagnosis: Diagnosis) -> tuple[Stray, ...]:
-    """Return the strays that are no small remainder: a tenth of the energy of what was named, or more."""
+    """Return the strays that are no small remainder beside what was named."""
     named = sum(max(c.total_gain, 0.0) for c in diagnosis.named.chosen)
     samples = sum(float(t.counts.sum()) for t in diagnosis.problem.trials)
     noise = {"force": diagnosis.problem.white_mn}
     if diagnosis.position is not None:
         noise["position"] = diagnosis.position.noise_mm
     return tuple(
-        s for s in diagnosis.strays if samples * (s.rms / noise.get(s.signal, 1.0)) ** 2 >= SMALL * named
+        s for s in diagnosis.strays if samples * (s.rms / noise.get(s.signal, 1.0)) ** 2 >= SMALL**2 * named
     )
 
 

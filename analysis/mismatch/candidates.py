@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -136,22 +137,57 @@ def surface_candidates(problem: Problem, fit: JointFit, seen: Look, to_beat: flo
         shapes = [(1, np.inf), (1, 3.0 / centre), (1, 1.5 / centre)]
         if centre < QUICK_ABOVE_HZ:
             shapes += [(3, np.inf), (3, 2.5 / centre)]
-        options = []
-        for harmonics, knot_s in shapes:
-            addition = surface_addition(library()[band.mechanism], own_hz, harmonics, knot_s)
-            refitted = refit_added(problem, fit, addition, rounds=3)
-            options.append(
-                _latent_candidate(library()[band.mechanism], fit, refitted, seen.p_of[band.mechanism])
-            )
-        best = max(options, key=lambda c: c.total_gain)
-        if centre < QUICK_ABOVE_HZ and best.total_gain > LARGE_GAIN * len(problem.trials):
-            # a large and slow movement had bent everything else, which takes its rounds to come right again
-            for simulation in (best.fit.simulation, _begun_anew(problem, best.fit)):
-                settled = problem.fit(simulation, best.fit.own, rounds=20)
-                options.append(_latent_candidate(best.mechanism, fit, settled, best.p_value))
-            best = max(options, key=lambda c: c.total_gain)
+        mechanism, p_value = library()[band.mechanism], seen.p_of[band.mechanism]
+        waves = [surface_addition(mechanism, own_hz, *shape) for shape in shapes]
+        best = max(
+            (
+                _latent_candidate(mechanism, fit, refit_added(problem, fit, w, rounds=3), p_value)
+                for w in waves
+            ),
+            key=lambda c: c.total_gain,
+        )
+        if is_far(best, len(problem.trials)):
+            best = _settled(problem, fit, best, waves)
         found.append(best)
     return found
+
+
+def is_far(candidate: Candidate, n_trials: int) -> bool:
+    """Tell whether a candidate is a slow movement of the skin so large that nobody would doubt it."""
+    values = candidate.fit.simulation.additions[-1].values
+    slow = candidate.mechanism.form == "oscillation" and values["frequency_hz"] < QUICK_ABOVE_HZ
+    return slow and candidate.total_gain > LARGE_GAIN * n_trials
+
+
+def refitted(problem: Problem, fit: JointFit, far: Candidate) -> Candidate:
+    """Return a far movement alone beside a fit, where trials are weighed otherwise than it was found with."""
+    found = far.fit.simulation
+    alone = replace(found, additions=(*fit.simulation.additions, found.additions[-1]))
+    return _latent_candidate(far.mechanism, fit, problem.fit(alone, far.fit.own, rounds=20), far.p_value)
+
+
+def _settled(problem: Problem, fit: JointFit, best: Candidate, waves: Sequence[Addition]) -> Candidate:
+    """Return a large and slow movement settled: it had bent everything else, which takes its rounds to come right.
+
+    It had also passed for tissues that scatter: beside such, waves of any shape explain as much. Then the one of
+    ``waves`` is taken that explains most without.
+    """
+    anew = _begun_anew(problem, best.fit)
+    if problem.scatter_mn:
+        tight = problem.tight
+        fits = [
+            tight.fit(replace(anew, additions=(*fit.simulation.additions, w)), best.fit.own, rounds=6)
+            for w in waves
+        ]
+        shaped = min(fits, key=lambda f: float(f.heldout_cost.sum()) + 2.0 * sum(map(len, f.latents)))
+        starts = [(shaped.simulation, shaped.own)]
+    else:
+        starts = [(best.fit.simulation, best.fit.own), (anew, best.fit.own)]
+    options = [
+        _latent_candidate(best.mechanism, fit, problem.fit(simulation, own, rounds=20), best.p_value)
+        for simulation, own in starts
+    ]
+    return max(options, key=lambda c: c.total_gain)
 
 
 def _begun_anew(problem: Problem, fit: JointFit) -> Simulation:

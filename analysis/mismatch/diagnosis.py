@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.mismatch.candidates import Candidate, refit_with
+from analysis.mismatch.candidates import Candidate, is_far, refit_with, refitted
 from analysis.mismatch.confirm import HeldOut, held_out
 from analysis.mismatch.intake import Intake
 from analysis.mismatch.joint import JointFit
@@ -22,7 +22,7 @@ from analysis.mismatch.signatures import FEW_TRIALS, Probe, accumulate
 from analysis.mismatch.single_trials import search_few
 from analysis.mismatch.start import start_own, start_rigid, start_tissue
 from analysis.mismatch.strays import Stray, find_strays
-from analysis.mismatch.weighing import first_noise, loosened, noise_of, settled, weighed, weighs_otherwise
+from analysis.mismatch.weighing import first_noise, fit_baseline, noise_of, settled, weighed, weighs_otherwise
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.mechanism import Mechanism, library
 from analysis.simulation.mechanisms.finite_ramp import FiniteRamp
@@ -93,25 +93,17 @@ def diagnose(intake: Intake, *, baseline: str = "ramp", seed: int = 0) -> Diagno
         # what repeats deviate by is asked of a simulation that has the motion right
         problem, fit, noise = settled(trials, noise, fit.simulation, fit.own)
     ramp = _finite_ramp(problem, fit, rng) if step else None
-    search_all = search_few if nothing_repeats(trials) else search
-    named = search_all(problem, fit if ramp is None else ramp.fit, rng)
-    measured = noise_of(problem, named.fits[-1]) if named.chosen else noise
-    scatter_mn = problem.scatter_mn
-    if named.chosen and scatter_mn:
-        scatter_mn = loosened(problem, named.fits[-1]).scatter_mn
-    if (
-        weighs_otherwise(noise, measured, trials[0].sample_rate_hz)
-        or scatter_mn < SAME_SCATTER * problem.scatter_mn
-    ):
+    named = _search(problem, fit if ramp is None else ramp.fit, rng)
+    again = _weighed_with(problem, noise, named.fits[-1]) if named.chosen else None
+    if again is not None:
         # large effects had been taken for noise: search again without them in it
-        noise = measured
-        problem = weighed(trials, noise)
-        if scatter_mn:
-            problem = loosened(problem, named.fits[-1])
-        fit = problem.fit(fit.simulation, fit.own)
+        problem, noise = again
+        fit = fit_baseline(problem, fit.simulation, fit.own)
         if ramp is not None:
             ramp = _finite_ramp(problem, fit, rng)
-        named = search_all(problem, fit if ramp is None else ramp.fit, rng)
+        base = fit if ramp is None else ramp.fit
+        begun = next((c for c in named.chosen if is_far(c, len(trials))), None)
+        named = _search(problem, base, rng, None if begun is None else refitted(problem, base, begun))
     if ramp is not None:
         named = replace(
             named,
@@ -134,6 +126,29 @@ def diagnose(intake: Intake, *, baseline: str = "ramp", seed: int = 0) -> Diagno
         confirmed_condition=by_condition,
         strays=find_strays(problem, named.fits[-1]),
     )
+
+
+def _search(
+    problem: Problem, base: JointFit, rng: np.random.Generator, begun: Candidate | None = None
+) -> Named:
+    few = nothing_repeats(problem.trials)
+    return search_few(problem, base, rng) if few else search(problem, base, rng, begun)
+
+
+def _weighed_with(problem: Problem, noise: NoiseModel, found: JointFit) -> tuple[Problem, NoiseModel] | None:
+    """Return the trials weighed by what noise and scatter of tissues are with everything found in the simulation.
+
+    None where they are as they were.
+    """
+    if problem.scatter_mn:
+        anew, _, measured = settled(problem.trials, noise, found.simulation, found.own)
+    else:
+        measured = noise_of(problem, found)
+        anew = weighed(problem.trials, measured)
+    changed = weighs_otherwise(noise, measured, problem.trials[0].sample_rate_hz)
+    if changed or anew.scatter_mn < SAME_SCATTER * problem.scatter_mn:
+        return anew, measured
+    return None
 
 
 def nothing_repeats(trials: Sequence[CellTrial]) -> bool:

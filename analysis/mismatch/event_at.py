@@ -33,11 +33,12 @@ def event_rows(
     own: PerTrial,
     times_s: FloatArray,
     shape: FloatArray | float = 1.0,
-    surface_mm: FloatArray | float = 0.0,
+    inside: NDArray[np.bool_] | None = None,
 ) -> FloatArray:
     """Return the force (m, n) of a unit event at each time: 1 mN lost (slip) or 1 um of shift (artefact).
 
-    ``shape`` (n,) multiplies the step; the surface may have moved by ``surface_mm`` (n,) already.
+    ``shape`` (n,) multiplies the step; ``inside`` (n,): where the punch presses, if not as the
+    trial's own contact point has it.
     """
     stepped = after(trial, times_s) * shape
     if mechanism.stage == "contact":
@@ -47,7 +48,9 @@ def event_rows(
         # what let go carries nothing on the way out either: there the loss falls with the force
         leaving = trial.retracting * np.clip(force_mn / max(held_mn, 1e-9), 0.0, 1.0)
         return -stepped * np.where(touching, 1.0, leaving)
-    return surface_force(trial, tissue, own, 1e-3 * stepped, pressed(trial, own, surface_mm))
+    return surface_force(
+        trial, tissue, own, 1e-3 * stepped, pressed(trial, own) if inside is None else inside
+    )
 
 
 @dataclass(frozen=True)
@@ -62,7 +65,7 @@ class EventAt:
     times_s: Mapping[str, float]
 
     def __call__(
-        self, trial: CellTrial, tissue: Tissue, own: PerTrial, surface_mm: FloatArray | float = 0.0
+        self, trial: CellTrial, tissue: Tissue, own: PerTrial, inside: NDArray[np.bool_] | None = None
     ) -> FloatArray:
         """Return the force (n, q) of unit events."""
         at = self.times_s.get(trial.label)
@@ -71,7 +74,7 @@ class EventAt:
         when = np.array([at])
         return np.column_stack(
             [
-                event_rows(self.mechanism, trial, tissue, own, when, shape, surface_mm)[0]
+                event_rows(self.mechanism, trial, tissue, own, when, shape, inside)[0]
                 for shape in courses(trial, at)
             ]
         )

@@ -97,8 +97,7 @@ def scan_events(
         window = _event_window(mechanism, trial, fit.own[j])
         if window.sum() < 20:
             continue
-        latent = fit.simulation.latent_columns(trial, fit.own[j], fit.latents[j])
-        line = linearise(trial, whitener, fit.simulation, fit.own[j], trials, latent, fit.latents[j])
+        line = linearise(trial, whitener, fit.simulation, fit.own[j], trials, fit.latents[j])
         # only rest counts: what a contact point that is off leaves at the kink of contact is no event
         inside = (window | trial.in_phase("dwell") | trial.in_phase("clear"))[trial.fitted]
         basis = column_space(line.A[inside])
@@ -245,11 +244,10 @@ def refine_time(
 ) -> float:
     """Return the time of an event to the millisecond, by a finer scan about a first estimate."""
     trial = trials[index]
-    latent = fit.simulation.latent_columns(trial, fit.own[index], fit.latents[index])
     times = about_s + np.arange(-STEP_S, STEP_S + 5e-4, 1e-3)
     own, tissue = fit.own[index], fit.simulation.tissue
     columns = whitener(event_rows(mechanism, trial, tissue, own, times).T)
-    line = linearise(trial, whitener, fit.simulation, own, trials, latent, fit.latents[index])
+    line = linearise(trial, whitener, fit.simulation, own, trials, fit.latents[index])
     left, _ = project_out(np.column_stack([line.A, line.J]), np.column_stack([line.r, columns]))
     gain = (left[:, 1:].T @ left[:, 0]) ** 2 / np.maximum((left[:, 1:] ** 2).sum(axis=0), 1e-12)
     return float(times[int(np.argmax(gain))])

@@ -39,8 +39,7 @@ def freed_residuals(
         if trial.kind in ("air_sweep", "rigid_target"):
             found.append(None)
             continue
-        latent = fit.simulation.latent_columns(trial, fit.own[j], fit.latents[j])
-        line = linearise(trial, whitener, fit.simulation, fit.own[j], trials, latent, fit.latents[j])
+        line = linearise(trial, whitener, fit.simulation, fit.own[j], trials, fit.latents[j])
         t = trial.time_s
         course = np.polynomial.legendre.legvander(2.0 * (t - t[0]) / (t[-1] - t[0]) - 1.0, SLOW_ORDER)[:, 1:]
         basis = column_space(np.column_stack([line.A, line.J, whitener(course)]))

@@ -50,11 +50,10 @@ def gain_step(problem: Problem, fit: JointFit) -> GainStep | None:
         own, whitener = fit.own[j], problem.whiteners[j].tight
         force_mn = fit.simulation.force_mn(trial, own) - own.offset_mn
         stepped = np.vstack([after(trial, np.array([t])) * force_mn * courses(trial, t) for t in times]).T
-        latent = fit.simulation.latent_columns(trial, own, fit.latents[j])
         # where tissues were seen to scatter, the trial has one of its own in both accounts
         one_tissue = not problem.scatter_mn
         line = linearise(
-            trial, whitener, fit.simulation, own, problem.trials, latent, fit.latents[j], frozen=one_tissue
+            trial, whitener, fit.simulation, own, problem.trials, fit.latents[j], frozen=one_tissue
         )
         of_event = np.concatenate(
             [

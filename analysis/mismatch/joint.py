@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.mismatch.linearised import Linearised, linearise, project_out
+from analysis.mismatch.linearised import Linearised, compressed, linearise, project_out, weighed_residual
 from analysis.mismatch.noise import Whitener
 from analysis.mismatch.shared import Simulation
 from analysis.simulation.cells import CellTrial
@@ -38,6 +38,29 @@ class JointFit:
     heldout_cost: FloatArray
 
 
+@dataclass(frozen=True, slots=True)
+class Reduced:
+    """One trial's share of the normal equations: J'J (P, P) and J'r (P,) without its own q parameters.
+
+    ``left`` is r'r without them; ``own_r`` (q,) and ``own_J`` (q, P) are their coefficients on r and J.
+    """
+
+    hessian: FloatArray
+    gradient: FloatArray
+    left: float
+    own_r: FloatArray
+    own_J: FloatArray  # noqa: N815 - J as in J'r
+
+
+@dataclass(frozen=True, slots=True)
+class _Step:
+    """A step of the shared vector (P,) and of each trial's own parameters (q,), and the fall of cost it promises."""
+
+    shared: FloatArray
+    own: tuple[FloatArray, ...]
+    promised: float
+
+
 def fit_jointly(
     trials: Sequence[CellTrial],
     whiteners: Sequence[Whitener],
@@ -55,60 +78,49 @@ def fit_jointly(
     Stops when a step promises less than ``tolerance`` of a unit of chi2 per trial, or after ``rounds``.
     """
     own = list(own)
-    latent = [simulation.latent_columns(t, o) for t, o in zip(trials, own, strict=True)]
-    coefficients = [np.zeros(c.shape[1]) for c in latent]
+    coefficients = [np.zeros(simulation.n_latent(t)) for t in trials]
     damping = 1e-6
-    lines, cost = _linearise_all(trials, whiteners, simulation, own, latent, coefficients, frozen)
+    lines = _linearise_all(trials, whiteners, simulation, own, coefficients, frozen)
+    cost = np.array([float(line.r @ line.r) for line in lines])
+    enough = tolerance * len(trials)
     for _ in range(rounds):
-        hessian, gradient, reduced = _normal_equations(lines)
-        known = 0.0
-        if len(gradient):
-            known_JJ, known_Jr, known = simulation.known(trials)
-            hessian, gradient = hessian + known_JJ, gradient + known_Jr
         accepted = False
+        small = [compressed(line) for line in lines]
         for _ in range(8):
-            scale = np.diag(np.maximum(np.diag(hessian), 1e-12))
-            shared_step: FloatArray = np.zeros(0)
+            step = _step_of(small, simulation, trials, damping)
             moved = simulation
-            if len(gradient):
-                free = ~simulation.pinned(gradient, trials)
-                solved = np.linalg.lstsq(
-                    (hessian + damping * scale)[np.ix_(free, free)], gradient[free], rcond=1e-13
-                )[0]
-                shared_step = np.zeros(len(gradient))
-                shared_step[free] = solved
-                moved = simulation.moved_to(
-                    simulation.vector(trials) + _kept_short(shared_step, simulation, trials), trials
-                )
-            promised = float(gradient @ shared_step)
+            if len(step.shared):
+                moved = simulation.moved_to(simulation.vector(trials) + step.shared, trials)
             new_own, new_coefficients = [], []
-            for trial, o, c, (beta_r, beta_J) in zip(trials, own, coefficients, reduced, strict=True):
-                step = list(beta_r - beta_J @ shared_step)
-                offset = o.offset_mn + (float(step.pop(0)) if trial.frees_offset else 0.0)
+            for trial, o, c, by in zip(trials, own, coefficients, step.own, strict=True):
+                of_own = list(by)
+                offset = o.offset_mn + (float(of_own.pop(0)) if trial.frees_offset else 0.0)
                 z0 = o.z0_mm
                 if trial.touches:
-                    z0 = max(z0 + float(np.clip(step.pop(0), -0.3, 0.3)), trial.begins_mm)
+                    z0 = max(z0 + float(np.clip(of_own.pop(0), -0.3, 0.3)), trial.begins_mm)
                 new_own.append(PerTrial(z0, offset))
-                new_coefficients.append(c + np.array(step))
-            new_latent = [
-                moved.latent_columns(t, o, c)
-                for t, o, c in zip(trials, new_own, new_coefficients, strict=True)
-            ]
-            new_lines, new_cost = _linearise_all(
-                trials, whiteners, moved, new_own, new_latent, new_coefficients, frozen
+                new_coefficients.append(c + np.array(of_own))
+            new_cost = np.array(
+                [
+                    float(np.sum(weighed_residual(t, w, moved, o, c) ** 2))
+                    for t, w, o, c in zip(trials, whiteners, new_own, new_coefficients, strict=True)
+                ]
             )
-            new_known = moved.known(trials)[2] if len(gradient) else 0.0
-            if new_cost.sum() + new_known <= (cost.sum() + known) * (1 + 1e-12):
+            gain = float(cost.sum() - new_cost.sum())
+            if len(step.shared):
+                gain += simulation.known(trials)[2] - moved.known(trials)[2]
+            if gain >= -1e-12 * float(cost.sum()):
                 accepted = True
+                break
+            if step.promised < enough:
                 break
             damping = max(damping * 30, 1e-4)
         if not accepted:
             break
-        gain = float(cost.sum() - new_cost.sum())
-        simulation, own, latent, coefficients = moved, new_own, new_latent, new_coefficients
-        lines, cost = new_lines, new_cost
+        simulation, own, coefficients, cost = moved, new_own, new_coefficients, new_cost
+        lines = _linearise_all(trials, whiteners, simulation, own, coefficients, frozen)
         damping = max(damping / 10, 1e-9)
-        if gain < tolerance * len(trials) and promised < 10 * tolerance * len(trials):
+        if gain < enough and step.promised < 10 * enough:
             break
     covariance, heldout = _spread_over_trials(lines, cost, simulation, trials)
     return JointFit(simulation, tuple(own), tuple(coefficients), cost, covariance, heldout)
@@ -118,13 +130,13 @@ def _spread_over_trials(
     lines: Sequence[Linearised], cost: FloatArray, simulation: Simulation, trials: Sequence[CellTrial]
 ) -> tuple[FloatArray, FloatArray]:
     """Return the sandwich covariance (P, P), zero for what is at its bound, and each trial's held-out cost (T,)."""
-    parts = [reduced(line)[:2] for line in lines]
-    gradients = np.array([g for _, g in parts])
+    parts = [reduced(line) for line in lines]
+    gradients = np.array([p.gradient for p in parts])
     n = len(lines)
     if not gradients.size:
         return np.zeros((0, 0)), cost.copy()
     known_JJ, known_Jr, _ = simulation.known(trials)
-    hessian = np.sum([h for h, _ in parts], axis=0) + known_JJ
+    hessian = np.sum([p.hessian for p in parts], axis=0) + known_JJ
     pinned = simulation.pinned(gradients.sum(axis=0) + known_Jr, trials)
     # what is known beforehand of a parameter leaves it as unsure as it is, at its bound or not
     free = ~pinned | (np.diag(known_JJ) > 0)
@@ -137,7 +149,8 @@ def _spread_over_trials(
     if n == 1:
         return covariance, heldout
     kept = np.ix_(~pinned, ~pinned)
-    for j, (h, g) in enumerate(parts):
+    for j, part in enumerate(parts):
+        h, g = part.hessian, part.gradient
         step = np.linalg.pinv((hessian - h)[kept], rcond=1e-10, hermitian=True) @ g[~pinned]
         heldout[j] += 2.0 * float(g[~pinned] @ step) + float(step @ h[kept] @ step)
     return covariance, heldout
@@ -161,34 +174,49 @@ def _linearise_all(
     whiteners: Sequence[Whitener],
     simulation: Simulation,
     own: Sequence[PerTrial],
-    latent: Sequence[FloatArray],
     coefficients: Sequence[FloatArray],
     frozen: bool,
-) -> tuple[list[Linearised], FloatArray]:
-    lines = [
-        linearise(t, w, simulation, o, trials, c, b, frozen=frozen)
-        for t, w, o, c, b in zip(trials, whiteners, own, latent, coefficients, strict=True)
+) -> list[Linearised]:
+    return [
+        linearise(t, w, simulation, o, trials, c, frozen=frozen)
+        for t, w, o, c in zip(trials, whiteners, own, coefficients, strict=True)
     ]
-    return lines, np.array([float(line.r @ line.r) for line in lines])
 
 
-def reduced(line: Linearised) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return J'J, J'r after the own columns are projected out, and their coefficients on r and J."""
-    stacked = np.column_stack([line.r, line.J])
-    left, beta = project_out(line.A, stacked)
-    J = left[:, 1:]
-    return J.T @ J, J.T @ left[:, 0], beta[:, 0], beta[:, 1:]
+def reduced(line: Linearised, damping: float = 0.0) -> Reduced:
+    """Return the normal equations of the shared parameters after the own columns are projected out.
+
+    ``damping``: the own parameters' steps are held back by it, as Levenberg and Marquardt have it.
+    """
+    A, stacked = line.A, np.column_stack([line.r, line.J])
+    if damping:
+        q = A.shape[1]
+        A = np.vstack([A, np.sqrt(damping) * np.diag(np.linalg.norm(A, axis=0))])
+        stacked = np.vstack([stacked, np.zeros((q, stacked.shape[1]))])
+    left, beta = project_out(A, stacked)
+    r, J = left[:, 0], left[:, 1:]
+    return Reduced(J.T @ J, J.T @ r, float(r @ r), beta[:, 0], beta[:, 1:])
 
 
-def _normal_equations(
-    lines: Sequence[Linearised],
-) -> tuple[FloatArray, FloatArray, list[tuple[FloatArray, FloatArray]]]:
-    p = lines[0].J.shape[1]
-    hessian, gradient = np.zeros((p, p)), np.zeros(p)
-    betas = []
-    for line in lines:
-        h, g, beta_r, beta_J = reduced(line)
-        hessian += h
-        gradient += g
-        betas.append((beta_r, beta_J))
-    return hessian, gradient, betas
+def _step_of(
+    lines: Sequence[Linearised], simulation: Simulation, trials: Sequence[CellTrial], damping: float
+) -> _Step:
+    """Return the damped step of everything from where a simulation stands."""
+    parts = [reduced(line, damping) for line in lines]
+    gradient = np.sum([p.gradient for p in parts], axis=0)
+    shared: FloatArray = np.zeros(len(gradient))
+    if len(gradient):
+        known_JJ, known_Jr, _ = simulation.known(trials)
+        hessian = np.sum([p.hessian for p in parts], axis=0) + known_JJ
+        gradient = gradient + known_Jr
+        scale = np.diag(np.maximum(np.diag(hessian), 1e-12))
+        free = ~simulation.pinned(gradient, trials)
+        # a direction that these trials say nothing of stays where it is
+        shared[free] = np.linalg.lstsq(
+            (hessian + damping * scale)[np.ix_(free, free)], gradient[free], rcond=1e-13
+        )[0]
+    of_own = sum(float(line.r @ line.r) - p.left for line, p in zip(lines, parts, strict=True))
+    promised = of_own + float(gradient @ shared)
+    if len(shared):
+        shared = _kept_short(shared, simulation, trials)
+    return _Step(shared, tuple(p.own_r - p.own_J @ shared for p in parts), promised)

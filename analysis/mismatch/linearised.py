@@ -34,35 +34,48 @@ def linearise(
     simulation: Simulation,
     own: PerTrial,
     trials: Sequence[CellTrial],
-    latent: FloatArray,
-    coefficients: FloatArray,
+    coefficients: FloatArray | None,
     *,
     frozen: bool = False,
 ) -> Linearised:
-    """Return residual and derivatives of one trial; ``latent`` (n, q) are columns with free coefficients.
+    """Return residual and derivatives of one trial where what is latent in it has ``coefficients`` (q,).
 
-    ``frozen`` leaves the shared parameters out (P = 0).
+    None leaves what is latent out; ``frozen`` leaves the shared parameters out (P = 0).
     """
-    force = simulation.force_mn(trial, own)
-    columns = (
-        shared_columns(trial, simulation, own, trials, force) if not frozen else np.empty((len(force), 0))
-    )
+    surface: FloatArray | float = 0.0
+    added: FloatArray | float = 0.0
+    if coefficients is not None:
+        surface, added = simulation.latent_part(trial, own, coefficients)
+    force = simulation.force_mn(trial, own, surface)
+    columns = np.empty((len(force), 0))
+    if not frozen:
+        columns = shared_columns(trial, simulation, own, trials, force, surface)
     own_columns = [np.ones_like(force)] if trial.frees_offset else []
+    by_z0 = np.zeros_like(force)
     if trial.touches:
-        deeper = simulation.force_mn(trial, replace(own, z0_mm=own.z0_mm + Z0_STEP_MM))
-        own_columns.append((deeper - force) / Z0_STEP_MM)
-    A = np.column_stack([*own_columns, latent])
-    whole = simulation.whole_force_mn(trial, own, coefficients) if coefficients.size else force
-    residual = trial.force_mn - whole
+        deeper = simulation.force_mn(trial, replace(own, z0_mm=own.z0_mm + Z0_STEP_MM), surface)
+        by_z0 = (deeper - force) / Z0_STEP_MM
+        own_columns.append(by_z0)
+    if coefficients is not None:
+        own_columns.append(simulation.latent_columns(trial, own, by_z0 != 0.0))
+    A = np.column_stack([*own_columns, np.empty((len(force), 0))])
+    residual = trial.force_mn - force - added
     stacked = whitener(np.column_stack([residual, columns, A]))
     p = columns.shape[1]
     r, J, A = stacked[:, 0], stacked[:, 1 : 1 + p], stacked[:, 1 + p :]
     if trial.touches and own.z0_mm <= trial.begins_mm:
-        at = len(own_columns) - 1
+        at = int(trial.frees_offset)
         if float(project_out(A, r[:, None])[1][at, 0]) < 0.0:
             # a trial begins before contact: a contact point at its beginning has nowhere to go
             A[:, at] = 0.0
     return Linearised(r, J, A)
+
+
+def weighed_residual(
+    trial: CellTrial, whitener: Whitener, simulation: Simulation, own: PerTrial, coefficients: FloatArray
+) -> FloatArray:
+    """Return what a simulation leaves of one trial, whitened, (n,)."""
+    return whitener(trial.force_mn - simulation.whole_force_mn(trial, own, coefficients))
 
 
 def shared_columns(
@@ -71,15 +84,21 @@ def shared_columns(
     own: PerTrial,
     trials: Sequence[CellTrial],
     force_mn: FloatArray,
+    surface_mm: FloatArray | float = 0.0,
 ) -> FloatArray:
-    """Return the derivatives (n, P) of a trial's simulated force (n,) by the shared parameters of the fit, mN."""
+    """Return the derivatives (n, P) of a trial's simulated force (n,) by the shared parameters of the fit, mN.
+
+    ``force_mn`` is that force, where the surface has moved by ``surface_mm`` (n,).
+    """
     vector = simulation.vector(trials)
     columns = np.empty((len(force_mn), len(vector)))
     for k, parameter in enumerate(simulation.parameters(trials)):
         step = _step(parameter, float(vector[k]))
         moved = vector.copy()
         moved[k] += step
-        columns[:, k] = (simulation.moved_to(moved, trials).force_mn(trial, own) - force_mn) / step
+        columns[:, k] = (
+            simulation.moved_to(moved, trials).force_mn(trial, own, surface_mm) - force_mn
+        ) / step
     return columns
 
 
@@ -93,6 +112,13 @@ def _step(parameter: Parameter, fitted: float) -> float:
         step = 1e-4 * max(abs(fitted), 0.05 * min(1.0, parameter.upper))
     ends = sorted((parameter.to_fit(parameter.lower), parameter.to_fit(parameter.upper)))
     return step if fitted + step <= ends[1] else -step
+
+
+def compressed(line: Linearised) -> Linearised:
+    """Return a trial with the same inner products in as few rows as it has columns: the triangle of its QR."""
+    q = line.A.shape[1]
+    triangle: FloatArray = np.asarray(np.linalg.qr(np.column_stack([line.A, line.r, line.J]), mode="r"))
+    return Linearised(triangle[:, q], triangle[:, q + 1 :], triangle[:, :q])
 
 
 def project_out(A: FloatArray, M: FloatArray) -> tuple[FloatArray, FloatArray]:

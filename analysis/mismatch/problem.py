@@ -39,6 +39,11 @@ class Problem:
         rates = [t.sample_rate_hz for t in self.trials]
         return rates[0] if np.allclose(rates, rates[0], rtol=1e-6) else None
 
+    @property
+    def tight(self) -> Problem:
+        """The same trials weighed by noise alone, as if repeats did not differ in their tissue."""
+        return Problem(self.trials, tuple(w.tight for w in self.whiteners), self.white_mn)
+
     def fit(self, simulation: Simulation, own: Sequence[PerTrial], rounds: int = 12) -> JointFit:
         """Fit a simulation to the trials."""
         return fit_jointly(self.trials, self.whiteners, simulation, own, rounds=rounds)

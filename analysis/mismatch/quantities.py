@@ -92,18 +92,16 @@ def own_coefficients(problem: Problem, fit: JointFit, k: int) -> list[OwnCoeffic
         q = columns.shape[1]
         if not q:
             continue
-        everything = fit.simulation.latent_columns(trial, fit.own[j], fit.latents[j])
         line = linearise(
             trial,
             problem.whiteners[j],
             fit.simulation,
             fit.own[j],
             problem.trials,
-            everything,
             fit.latents[j],
             frozen=True,
         )
-        own = line.A.shape[1] - everything.shape[1] + start
+        own = line.A.shape[1] - len(fit.latents[j]) + start
         everything_else = np.linalg.pinv(line.A.T @ line.A, rcond=1e-10, hermitian=True)
         covariance = np.asarray(everything_else[own : own + q, own : own + q], dtype=np.float64)
         found.append(OwnCoefficients(j, fit.latents[j][start : start + q], covariance, columns))

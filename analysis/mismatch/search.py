@@ -42,20 +42,28 @@ class Named:
     last_look: Look
 
 
-def search(problem: Problem, baseline: JointFit, rng: np.random.Generator) -> Named:
-    """Add mechanisms while they are significant and explain enough of what repeats; at most four."""
-    fits = [baseline]
-    chosen: list[Candidate] = []
-    considered: list[tuple[Candidate, ...]] = []
+def search(
+    problem: Problem, baseline: JointFit, rng: np.random.Generator, begun: Candidate | None = None
+) -> Named:
+    """Add mechanisms while they are significant and explain enough of what repeats; at most four.
+
+    ``begun``: what is beyond doubt already.
+    """
+    chosen = [] if begun is None else [begun]
+    fits = [baseline, *(c.fit for c in chosen)]
+    considered: list[tuple[Candidate, ...]] = [(c,) for c in chosen]
     first = seen = look(problem, baseline, rng)
+    if chosen:
+        seen = look(problem, fits[-1], rng)
     while len(chosen) < MOST_MECHANISMS:
-        found = [c for c in candidates(problem, fits[-1], seen) if not repeats(problem, fits[-1], c)]
+        left = problem.weighed_repeatable(fits[-1])
+        found = [c for c in candidates(problem, fits[-1], seen) if not repeats(problem, left, c)]
         considered.append(tuple(found))
         if not found:
             break
-        best = next((c for c in found if _worth_naming(problem, fits[-1], c, chosen)), None)
+        best = next((c for c in found if _worth_naming(problem, left, c, chosen)), None)
         if best is None or best.total_gain < 0.5 * found[0].total_gain:
-            pair = None if chosen else _worth_together(problem, baseline, found, rng)
+            pair = None if chosen else _worth_together(problem, left, found, rng)
             if pair is None:
                 break
             first_of_pair, beside, best = pair
@@ -68,38 +76,37 @@ def search(problem: Problem, baseline: JointFit, rng: np.random.Generator) -> Na
     return Named(tuple(fits), tuple(chosen), tuple(considered), first, seen)
 
 
-def repeats(problem: Problem, fit: JointFit, candidate: Candidate) -> bool:
+def repeats(problem: Problem, left: float, candidate: Candidate) -> bool:
     """Tell whether most of what an oscillation explains is the same in every trial: its phase is not, a law's work is.
 
-    A slow wave that may swell and fade as it likes follows what a quick relaxation leaves, too.
+    A slow wave that may swell and fade as it likes follows what a quick relaxation leaves, too. ``left``: what
+    repeats without it.
     """
     if candidate.mechanism.form != "oscillation" or len(problem.trials) < REPEATS:
         return False
-    before, after = (problem.weighed_repeatable(f) for f in (fit, candidate.fit))
-    return before - after > REPEATED_SHARE * candidate.total_gain
+    return left - problem.weighed_repeatable(candidate.fit) > REPEATED_SHARE * candidate.total_gain
 
 
 def _worth_together(
-    problem: Problem, fit: JointFit, found: Sequence[Candidate], rng: np.random.Generator
+    problem: Problem, left: float, found: Sequence[Candidate], rng: np.random.Generator
 ) -> tuple[Candidate, tuple[Candidate, ...], Candidate] | None:
     """Return two laws that explain little each but nearly all together, and what was considered beside the second.
 
     Two effects may hide each other: what a lag takes from a quick relaxation's force, the relaxation gives. Asked only
     before anything is named: beside a large effect two laws explain its remainder easily.
     """
-    left = max(problem.weighed_repeatable(fit), 0.0)
     for first in [c for c in found if c.mechanism.form == "law"][:TRIED_TOGETHER]:
         beside = tuple(candidates(problem, first.fit, look(problem, first.fit, rng)))
         second = next((c for c in beside if c.mechanism.form == "law"), None)
         if second is None or second.total_gain < first.total_gain:
             continue
-        if first.total_gain + second.total_gain + SLACK >= SMALL_MUST_EXPLAIN * left:
+        if first.total_gain + second.total_gain + SLACK >= SMALL_MUST_EXPLAIN * max(left, 0.0):
             return first, beside, second
     return None
 
 
-def _worth_naming(problem: Problem, fit: JointFit, best: Candidate, chosen: Sequence[Candidate]) -> bool:
-    """Judge whether a mechanism explains enough of what is left, the more the smaller it is beside the others.
+def _worth_naming(problem: Problem, left: float, best: Candidate, chosen: Sequence[Candidate]) -> bool:
+    """Judge whether a mechanism explains enough of what is left to repeat, the more the smaller it is beside others.
 
     A rough law's remainder can look like a little of anything; only what takes most of it away earns a name. The
     more laws are there already, the more a further one has to explain: three that explain a third each of what is
@@ -116,7 +123,7 @@ def _worth_naming(problem: Problem, fit: JointFit, best: Candidate, chosen: Sequ
     if len(problem.trials) < REPEATS:
         # what repeats can't be asked of one or two trials
         return best.total_gain > SINGLE_TRIAL_SHARE * explained
-    left = max(problem.weighed_repeatable(fit), 0.0)
+    left = max(left, 0.0)
     if best.mechanism.form == "oscillation":
         # an oscillation is in every trial, and does not repeat: what is in a few trials, or far less than what
         # repeats, is something else's remainder
@@ -126,7 +133,7 @@ def _worth_naming(problem: Problem, fit: JointFit, best: Candidate, chosen: Sequ
     if best.mechanism.form == "event":
         return best.total_gain > EXTRA_SHARE * explained
     share = best.total_gain / (explained + max(best.total_gain, left))
-    laws = sum(a.mechanism.form == "law" for a in fit.simulation.additions)
+    laws = sum(c.mechanism.form == "law" for c in chosen)
     if explained and share <= SMALL_SHARE and not _measured(problem, best):
         return False
     needed = SHARE_EXPLAINED[min(laws, 2)] if share > SMALL_SHARE else SMALL_MUST_EXPLAIN

@@ -130,8 +130,7 @@ def separation(
     for trial, plan in zip(cells, plans, strict=True):
         own = PerTrial(plan.z0_mm, 0.0)
         whitener = Whitener(trial, diagnosis.noise)
-        nothing = np.zeros((len(trial.time_s), 0))
-        line = linearise(trial, whitener, item.fit.simulation, own, spoken_of, nothing, np.zeros(0))
+        line = linearise(trial, whitener, item.fit.simulation, own, spoken_of, None)
         other = item.tissue_of.simulation
         true = simulate_force(
             trial,

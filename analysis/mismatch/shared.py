@@ -45,9 +45,9 @@ class Latent(Protocol):
     """What has coefficients of its own in every trial."""
 
     def __call__(
-        self, trial: CellTrial, tissue: Tissue, own: PerTrial, surface_mm: FloatArray | float = 0.0
+        self, trial: CellTrial, tissue: Tissue, own: PerTrial, inside: NDArray[np.bool_] | None = None
     ) -> FloatArray:
-        """Return the force (n, q) that unit coefficients make where the surface (n,) has moved already."""
+        """Return the force (n, q) that unit coefficients make; ``inside`` (n,): where the punch presses, if known."""
         ...
 
     def n_columns(self, trial: CellTrial) -> int:
@@ -103,41 +103,41 @@ class Simulation:
 
         Skin that moves by tens of micrometres is met and let go of at another place: it moves the surface itself.
         """
-        surface = self._moved_by(trial, coefficients)
-        linear = np.zeros(len(trial.time_s))
-        for latent, of_this in self._latents(trial, coefficients):
-            if latent.surface_mm(trial, of_this) is None and len(of_this):
-                linear += latent(trial, self.tissue, own) @ of_this
+        surface, linear = self.latent_part(trial, own, coefficients)
         return self.force_mn(trial, own, surface) + linear
 
-    def _latents(self, trial: CellTrial, coefficients: FloatArray) -> list[tuple[Latent, FloatArray]]:
-        """Return what is latent in a trial, each with its part of the coefficients (q,)."""
-        found, at = [], 0
-        for a in self.additions:
-            if a.latent is not None:
-                n = a.latent.n_columns(trial)
-                found.append((a.latent, coefficients[at : at + n]))
-                at += n
-        return found
-
-    def _moved_by(self, trial: CellTrial, coefficients: FloatArray) -> FloatArray | float:
-        """Return how what is latent in a trial moves the surface (n,), mm; 0 where nothing does."""
+    def latent_part(
+        self, trial: CellTrial, own: PerTrial, coefficients: FloatArray
+    ) -> tuple[FloatArray | float, FloatArray | float]:
+        """Return how what is latent in a trial moves the surface (n,), mm, and what force (n,) it adds; 0 for none."""
         surface: FloatArray | float = 0.0
-        for latent, of_this in self._latents(trial, coefficients):
+        force: FloatArray | float = 0.0
+        at = 0
+        for latent in self._latents():
+            of_this = coefficients[at : at + latent.n_columns(trial)]
+            at += len(of_this)
             track = latent.surface_mm(trial, of_this)
             if track is not None:
                 surface = surface + track
-        return surface
+            elif len(of_this):
+                force = force + latent(trial, self.tissue, own) @ of_this
+        return surface, force
+
+    def _latents(self) -> list[Latent]:
+        return [a.latent for a in self.additions if a.latent is not None]
+
+    def n_latent(self, trial: CellTrial) -> int:
+        """Return how many coefficients of their own a trial's latent parts have."""
+        return sum(latent.n_columns(trial) for latent in self._latents())
 
     def latent_columns(
-        self, trial: CellTrial, own: PerTrial, coefficients: FloatArray | None = None
+        self, trial: CellTrial, own: PerTrial, inside: NDArray[np.bool_] | None = None
     ) -> FloatArray:
         """Return the columns (n, q) with coefficients of their own in this trial.
 
-        ``coefficients`` (q,): where they stand; a surface that moved far is touched elsewhere.
+        ``inside`` (n,): where the punch presses; a surface that has moved far is touched elsewhere.
         """
-        surface = 0.0 if coefficients is None else self._moved_by(trial, coefficients)
-        columns = [a.latent(trial, self.tissue, own, surface) for a in self.additions if a.latent is not None]
+        columns = [latent(trial, self.tissue, own, inside) for latent in self._latents()]
         return np.column_stack(columns) if columns else np.zeros((len(trial.time_s), 0))
 
     def parameters(self, trials: Sequence[CellTrial]) -> list[Parameter]:

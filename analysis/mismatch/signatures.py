@@ -100,8 +100,7 @@ def accumulate(
     contrast = (depths - depths.mean()) / max(float(depths.std()), 1e-9) if len(trials) > 1 else np.zeros(1)
     raw2 = np.zeros(len(probes))
     for j, (trial, whitener) in enumerate(zip(trials, whiteners, strict=True)):
-        latent = fit.simulation.latent_columns(trial, fit.own[j], fit.latents[j])
-        line = linearise(trial, whitener, fit.simulation, fit.own[j], trials, latent, fit.latents[j])
+        line = linearise(trial, whitener, fit.simulation, fit.own[j], trials, fit.latents[j])
         columns = whitener(probe_columns(trial, fit, j, probes))
         raw2 += (columns**2).sum(axis=0)
         left, _ = project_out(line.A, np.column_stack([line.r, line.J, columns]))

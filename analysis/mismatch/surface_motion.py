@@ -14,9 +14,9 @@ FloatArray = NDArray[np.float64]
 TOUCHING_MM = 5e-3
 
 
-def pressed(trial: CellTrial, own: PerTrial, surface_mm: FloatArray | float = 0.0) -> NDArray[np.bool_]:
-    """Return the mask (n,) of cells in which the punch presses the skin, whose surface has moved towards the arm."""
-    return np.asarray(indentation(trial.position_mm, own.z0_mm - surface_mm, trial) > TOUCHING_MM)
+def pressed(trial: CellTrial, own: PerTrial) -> NDArray[np.bool_]:
+    """Return the mask (n,) of cells in which the punch presses the skin."""
+    return np.asarray(indentation(trial.position_mm, own.z0_mm, trial) > TOUCHING_MM)
 
 
 def in_contact(trial: CellTrial, own: PerTrial) -> NDArray[np.bool_]:

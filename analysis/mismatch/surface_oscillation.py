@@ -29,7 +29,7 @@ class SurfaceOscillation:
     knot_s: float
 
     def __call__(
-        self, trial: CellTrial, tissue: Tissue, own: PerTrial, surface_mm: FloatArray | float = 0.0
+        self, trial: CellTrial, tissue: Tissue, own: PerTrial, inside: NDArray[np.bool_] | None = None
     ) -> FloatArray:
         """Return the force (n, q) of unit amplitudes (um), cosine and sine of each knot in turn."""
         f = self.frequencies_hz.get(trial.label)
@@ -38,7 +38,8 @@ class SurfaceOscillation:
         turning = 1e-3 * _turning(trial, f, self.harmonics)
         waves = np.stack([turning.real, turning.imag], axis=1)
         rows = waves[:, None] * hat_functions(trial, self.knot_s)[None, :, None]
-        inside = pressed(trial, own, surface_mm)
+        if inside is None:
+            inside = pressed(trial, own)
         return surface_force(trial, tissue, own, rows.reshape(-1, len(trial.time_s)), inside).T
 
     def n_columns(self, trial: CellTrial) -> int:

@@ -40,10 +40,9 @@ def order_trend(problem: Problem, fit: JointFit) -> OrderTrend | None:
         if trial.kind != "ramp_hold_retract":
             continue
         own, latents = fit.own[j], fit.latents[j]
-        latent = fit.simulation.latent_columns(trial, own, latents)
         # not as repeats are seen to deviate: it is these deviations that are asked for an order
         whitener = problem.whiteners[j].tight
-        line = linearise(trial, whitener, fit.simulation, own, problem.trials, latent, latents, frozen=True)
+        line = linearise(trial, whitener, fit.simulation, own, problem.trials, latents, frozen=True)
         force_mn = fit.simulation.force_mn(trial, own) - own.offset_mn
         left, _ = project_out(line.A, np.column_stack([line.r, whitener(force_mn)]))
         norm2 = float(left[:, 1] @ left[:, 1])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ FloatArray = NDArray[np.float64]
 LONG_SEGMENT_S = 6.4
 ABOUT_EVENT_S = 0.05
 SHORTEST_STRETCH = 64
+FAR_OFF = 2.0
 
 
 def quiet_residuals(problem: Problem, fit: JointFit) -> list[FloatArray]:
@@ -84,17 +86,18 @@ def loosened(problem: Problem, fit: JointFit) -> Problem:
     for trial, whitener, own, latents in zip(
         problem.trials, problem.whiteners, fit.own, fit.latents, strict=True
     ):
-        latent = fit.simulation.latent_columns(trial, own, latents)
-        line = linearise(trial, whitener.tight, fit.simulation, own, problem.trials, latent, latents)
-        tissue = line.J.shape[1] - of_laws
-        H, g, _, _ = reduced(line)
-        information.append(H[:tissue, :tissue])
-        gradients.append(g[:tissue])
-        force_mn = fit.simulation.force_mn(trial, own)
-        columns.append(shared_columns(trial, fit.simulation, own, problem.trials, force_mn)[:, :tissue])
+        surface_mm, _ = fit.simulation.latent_part(trial, own, latents)
+        force_mn = fit.simulation.force_mn(trial, own, surface_mm)
+        by_shared = shared_columns(trial, fit.simulation, own, problem.trials, force_mn, surface_mm)
+        tissue = by_shared.shape[1] - of_laws
+        line = linearise(trial, whitener.tight, fit.simulation, own, problem.trials, latents, frozen=True)
+        of_trial = reduced(replace(line, J=whitener.tight(by_shared)))
+        information.append(of_trial.hessian[:tissue, :tissue])
+        gradients.append(of_trial.gradient[:tissue])
+        columns.append(by_shared[:, :tissue])
     scatter = scatter_of_repeats(information, gradients, [t.condition for t in problem.trials])
     if not scatter.spread.shape[1]:
-        return Problem(problem.trials, tuple(w.tight for w in problem.whiteners), problem.white_mn)
+        return problem.tight
     deviations = [c @ scatter.spread for c in columns]
     energy = sum(
         float(t.counts @ (d**2).sum(axis=1)) for t, d in zip(problem.trials, deviations, strict=True)
@@ -106,6 +109,20 @@ def loosened(problem: Problem, fit: JointFit) -> Problem:
         problem.white_mn,
         float(np.sqrt(energy / samples)),
     )
+
+
+def fit_baseline(problem: Problem, simulation: Simulation, own: Sequence[PerTrial]) -> JointFit:
+    """Fit a simulation in which large effects may be missing.
+
+    Where repeats may differ in their tissue, a large effect can be met by a tissue that is far from all of theirs: then
+    the one that noise alone would have is kept.
+    """
+    fit = problem.fit(simulation, own)
+    if not problem.scatter_mn:
+        return fit
+    plain = problem.tight.fit(simulation, own)
+    far = problem.tight.fit(fit.simulation, fit.own, rounds=0).cost.sum() > FAR_OFF * plain.cost.sum()
+    return problem.fit(plain.simulation, plain.own, rounds=0) if far else fit
 
 
 def settled(
@@ -125,7 +142,7 @@ def settled(
     fit = loose.fit(fit.simulation, fit.own)
     noise = noise_of(loose, fit)
     problem = loosened(weighed(trials, noise), fit)
-    return problem, problem.fit(fit.simulation, fit.own), noise
+    return problem, fit_baseline(problem, fit.simulation, fit.own), noise
 
 
 def weighs_otherwise(before: NoiseModel, after: NoiseModel, sample_rate_hz: float) -> bool:

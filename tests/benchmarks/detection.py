@@ -80,8 +80,7 @@ def _orthogonal_norm(problem: Problem, fit: JointFit, added_mn: Sequence[Any]) -
 
     parts = []
     for j, (t, w) in enumerate(zip(problem.trials, problem.whiteners, strict=True)):
-        latent = fit.simulation.latent_columns(t, fit.own[j])
-        line = linearise(t, w, fit.simulation, fit.own[j], problem.trials, latent, fit.latents[j])
+        line = linearise(t, w, fit.simulation, fit.own[j], problem.trials, fit.latents[j])
         left, _ = project_out(line.A, np.column_stack([w(_cells(t, added_mn[j])), line.J]))
         parts.append(left)
     stacked = np.concatenate(parts)

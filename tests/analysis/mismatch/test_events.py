@@ -76,7 +76,7 @@ def test_what_is_the_same_in_every_trial_is_no_breath(effect: str, the_same: boo
     fit = refit_added(problem, plain, waves, rounds=3)
     gain = plain.heldout_cost - fit.heldout_cost
     assert gain.sum() > 1000.0
-    assert repeats(problem, plain, Candidate(breath, fit, gain, 1e-3)) is the_same
+    assert repeats(problem, problem.weighed_repeatable(plain), Candidate(breath, fit, gain, 1e-3)) is the_same
 
 
 def test_a_surface_that_shifts_far_is_let_go_of_elsewhere() -> None:

@@ -15,7 +15,7 @@ from analysis.mismatch.problem import Problem
 
 FloatArray = NDArray[np.float64]
 
-BETTER_SHARE = 0.02
+BETTER_SHARE = 0.005
 """No law has quite the shape of a large event: what explains a little more is no better one."""
 
 

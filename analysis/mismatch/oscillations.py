@@ -27,6 +27,9 @@ FloatArray = NDArray[np.float64]
 RESOLUTION_HZ = 0.11
 SHORTEST_REACH = 0.25
 HUM_HALF_WIDTH_HZ = 0.6
+WANDERS_BY_HZ, FAR_HZ = (0.0, 0.4, 1.5), 1.5
+SIDES_HZ = (2.5, 8.0)
+"""Where the sides of a line that wanders far begin and end."""
 
 
 @dataclass(frozen=True)
@@ -167,39 +170,53 @@ def stray_lines(
 ) -> list[tuple[float, float, float]]:
     """Return lines that stand out over all trials anywhere in the spectrum: (frequency Hz, rms, p-value).
 
-    Power is taken relative to the median of its neighbourhood and summed over trials, line by line and over
-    +-0.4 Hz for lines that wander. The median of w powers is as unsure as a mean of 0.48 w (variance 1 / w against
-    the square of its ln 2), so that the ratio is one of variances, with so many to compare with.
+    Power is summed over trials, line by line and over +-0.4 Hz for lines that wander, relative to the median of its
+    neighbourhood; over +-1.5 Hz for lines that wander far, relative to the mean of both sides. The median of w powers
+    is as unsure as a mean of 0.48 w (variance 1 / w against the square of its ln 2), so that either ratio is one of
+    variances, with so many to compare with.
     """
     shortest = min(len(r) for r in residuals)
     if shortest < 1024:
         return []
     frequency = np.fft.rfftfreq(shortest, 1.0 / sample_rate_hz)
-    width = max(8, round(4.0 / frequency[1]))
-    relative = np.zeros(len(frequency))
-    absolute = np.zeros(len(frequency))
-    for r in residuals:
-        power = np.abs(np.fft.rfft(r[:shortest] - np.mean(r[:shortest]))) ** 2
-        # the median of blocks, interpolated: a running median at a hundredth of the price
-        blocks = power[1 : 1 + (len(power) - 1) // width * width].reshape(-1, width)
-        level = np.median(blocks, axis=1) / np.log(2.0)
-        centres = 1 + width * (np.arange(len(level)) + 0.5)
-        relative += power / np.maximum(np.interp(np.arange(len(power)), centres, level), 1e-300)
-        absolute += power
-    n = len(residuals)
-    compared = 2.0 * np.log(2.0) ** 2 * width * n
+    powers = [np.abs(np.fft.rfft(r[:shortest] - np.mean(r[:shortest]))) ** 2 for r in residuals]
+    absolute, n = np.sum(powers, axis=0), len(residuals)
     usable = (frequency > above_hz) & (frequency < 0.49 * sample_rate_hz)
+    width = max(8, round(4.0 / frequency[1]))
+    relative = np.sum([p / _level(p, width) for p in powers], axis=0)
+    even = np.sum([p / p[usable].mean() for p in powers], axis=0)
     found = []
-    for half in (0, max(1, round(0.4 / frequency[1]))):
+    for half_hz in WANDERS_BY_HZ:
+        half = round(half_hz / frequency[1])
         kernel = np.ones(2 * half + 1)
-        total, degrees = np.convolve(relative, kernel, mode="same"), n * len(kernel)
-        p = np.where(usable, f_distribution.sf(total / degrees, 2 * degrees, compared), 1.0)
-        p = np.minimum(1.0, p * 2.0 * usable.sum() / len(kernel))
+        if half_hz < FAR_HZ:
+            ratio = np.convolve(relative, kernel, mode="same") / (n * len(kernel))
+            compared = 2.0 * np.log(2.0) ** 2 * width * n
+        else:
+            sides = np.abs(
+                np.arange(-round(SIDES_HZ[1] / frequency[1]), round(SIDES_HZ[1] / frequency[1]) + 1)
+            )
+            beside = (sides * frequency[1] > SIDES_HZ[0]).astype(np.float64)
+            mean = np.convolve(even, kernel, mode="same") / len(kernel)
+            ratio = mean / (np.convolve(even, beside, mode="same") / beside.sum())
+            compared = 2.0 * n * beside.sum()
+        p = np.where(usable, f_distribution.sf(ratio, 2 * n * len(kernel), compared), 1.0)
+        p = np.minimum(1.0, p * len(WANDERS_BY_HZ) * usable.sum() / len(kernel))
         k = int(np.argmin(p))
         around = slice(max(0, k - half), k + half + 1)
-        rms = float(np.sqrt(2.0 * absolute[around].sum() / n)) / shortest
+        beyond_noise = max(1.0 - 1.0 / float(ratio[k]), 0.0)
+        rms = float(np.sqrt(2.0 * beyond_noise * absolute[around].sum() / n)) / shortest
         found.append((float(frequency[k]), rms, float(p[k])))
     return found
+
+
+def _level(power: FloatArray, width: int) -> FloatArray:
+    """Return the mean power (F,) of each neighbourhood, from medians of ``width`` bins, that leave lines out."""
+    # the median of blocks, interpolated: a running median at a hundredth of the price
+    blocks = power[1 : 1 + (len(power) - 1) // width * width].reshape(-1, width)
+    level = np.median(blocks, axis=1) / np.log(2.0)
+    centres = 1 + width * (np.arange(len(level)) + 0.5)
+    return np.asarray(np.maximum(np.interp(np.arange(len(power)), centres, level), 1e-300))
 
 
 def line_power(residual_mn: FloatArray, sample_rate_hz: float, grid_hz: FloatArray) -> FloatArray:

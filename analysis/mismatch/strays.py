@@ -24,7 +24,8 @@ FloatArray = NDArray[np.float64]
 
 STRAY_LEVEL = 2e-4
 LINES_ABOVE_HZ = 15.0
-FAR_OFF = 6.0
+FAR_OFF = ((6.0, 5e-3), (12.0, 5e-5))
+"""How far single samples lie off, in standard deviations, and how many do in a study where nothing strays."""
 HUM_WANDERS_HZ = 0.6
 
 
@@ -61,7 +62,7 @@ def find_strays(problem: Problem, fit: JointFit) -> tuple[Stray, ...]:
     found += _wandering(problem, fit) + _in_order(problem, fit) + _gain_step(problem, fit)
     with_command = [t for t in trials if t.has_command]
     if with_command:
-        position = [_slow_taken_out(t) for t in with_command]
+        position = [_bridged(t) for t in with_command]
         found += _lines("position", position, with_command, rate) if rate is not None else []
         found += _far_off("position", position, with_command)
     return tuple(found)
@@ -117,17 +118,12 @@ def _kinks_taken_out(residual: FloatArray, trial: CellTrial) -> FloatArray:
     return left
 
 
-def _slow_taken_out(trial: CellTrial) -> FloatArray:
-    """Return the position residual less its moving average over 50 ms, so that only the quick is left."""
-    r = trial.full_servo_residual_mm.astype(np.float64)
-    width = max(3, round(0.05 * trial.sample_rate_hz))
-    padded = np.pad(r, (width // 2, width - 1 - width // 2), mode="edge")
-    total = np.cumsum(np.concatenate([[0.0], padded]))
-    left: FloatArray = r - (total[width:] - total[:-width]) / width
-    # where the arm is accelerated the servo is judged by its own signature
-    moving = np.abs(trial.acceleration_mm_s2) > 50.0
-    left[np.repeat(moving, trial.counts.astype(np.int64))] = 0.0
-    return np.asarray(left)
+def _bridged(trial: CellTrial) -> FloatArray:
+    """Return the position residual, straight where the arm is accelerated: there the servo has a signature."""
+    left = trial.full_servo_residual_mm.astype(np.float64)
+    moving = np.repeat(np.abs(trial.acceleration_mm_s2) > 50.0, trial.counts.astype(np.int64))
+    left[moving] = np.interp(np.flatnonzero(moving), np.flatnonzero(~moving), left[~moving])
+    return left
 
 
 def _lines(
@@ -147,11 +143,12 @@ def _lines(
 def _far_off(
     signal: Literal["force", "position"], residuals: Sequence[FloatArray], trials: Sequence[CellTrial]
 ) -> list[Stray]:
-    """Count samples beyond six robust standard deviations.
+    """Count samples that lie far off: several by six robust standard deviations, or a single one by twelve.
 
     A kink's neighbourhood does not count, nor force on the way back: the sample at which skin lets go no law foretells.
     """
-    count, total, sizes, where = 0, 0, [], []
+    total = 0
+    off, sizes, where = [], [], []
     for trial, r in zip(trials, residuals, strict=True):
         plain = trial.fitted & (trial.counts > 1)
         if signal == "force":
@@ -159,24 +156,31 @@ def _far_off(
         at_rest = np.repeat(plain, trial.counts.astype(np.int64))
         if signal == "force":
             at_rest = at_rest[np.repeat(trial.fitted, trial.counts.astype(np.int64))]
-        jump = r[1:-1] - 0.5 * (r[:-2] + r[2:])
+        jump = np.abs(r[1:-1] - 0.5 * (r[:-2] + r[2:]))
+        # one sample that is off makes its neighbours jump by half as much
+        beside = np.maximum(np.pad(jump, (1, 0))[:-1], np.pad(jump, (0, 1))[1:])
+        peak = (jump >= beside)[at_rest[1:-1]]
         jump = jump[at_rest[1:-1]]
         if len(jump) < 100:
             continue
         # by a quantile, not the median: a converter's steps make half of the jumps smaller than they are
-        sigma = max(float(np.quantile(np.abs(jump), 0.954)) / 2.0, 1e-12)
-        far = np.abs(jump) > FAR_OFF * sigma
-        count += int(far.sum())
+        sigma = max(float(np.quantile(jump, 0.954)) / 2.0, 1e-12)
+        far = peak & (jump > FAR_OFF[0][0] * sigma)
         total += len(jump)
-        sizes.extend(np.abs(jump[far]).tolist())
+        off.extend((jump[far] / sigma).tolist())
+        sizes.extend(jump[far].tolist())
         where.extend((np.flatnonzero(at_rest)[np.flatnonzero(far)] / trial.sample_rate_hz).tolist())
-    expected = 2.0 * norm.sf(FAR_OFF) * total * 3.0 + 0.02
-    p = float(poisson.sf(count - 1, expected)) if count else 1.0
+    p = 1.0
+    for beyond, anyway in FAR_OFF:
+        count = sum(x > beyond for x in off)
+        expected = 2.0 * norm.sf(beyond) * total * 3.0 + anyway
+        p = min(p, len(FAR_OFF) * float(poisson.sf(count - 1, expected)) if count else 1.0)
     if p >= STRAY_LEVEL:
         return []
     rms = float(np.sqrt(np.mean(np.square(sizes))))
     unit = "mN" if signal == "force" else "mm"
-    words = f"{count} single samples far off the others, by {rms:.2g} {unit}"
+    single = "a single sample" if len(off) == 1 else f"{len(off)} single samples"
+    words = f"{single} far off the others, by {rms:.2g} {unit}"
     middle = float(np.median(where))
     trial = trials[0]
     cell = int(np.clip(np.searchsorted(trial.time_s, middle), 0, len(trial.time_s) - 1))

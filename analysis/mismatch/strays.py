@@ -27,6 +27,7 @@ LINES_ABOVE_HZ = 15.0
 FAR_OFF = ((6.0, 5e-3), (12.0, 5e-5))
 """How far single samples lie off, in standard deviations, and how many do in a study where nothing strays."""
 HUM_WANDERS_HZ = 0.6
+HOLLOW_UP_TO = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,11 +54,15 @@ def find_strays(problem: Problem, fit: JointFit) -> tuple[Stray, ...]:
     rate = problem.common_rate_hz
     force = [problem.full_residual(fit, j) for j in range(len(trials))]
     found: list[Stray] = []
-    hums = [a.hum.frequency_hz for a in fit.simulation.additions if a.hum is not None]
+    additions = fit.simulation.additions
+    hums = [a.hum.frequency_hz for a in additions if a.hum is not None]
+    waves_hz = [a.values["frequency_hz"] for a in additions if a.mechanism.form == "oscillation" and a.latent]
     at_rest = [_kinks_taken_out(r, t) for r, t in zip(force, trials, strict=True)]
     lines = _lines("force", at_rest, trials, rate) if rate is not None else []
     # what is left of a line that was named is its remainder, not news
-    found += [s for s in lines if not any(_is_of(s.frequency_hz, f) for f in hums)]
+    lines = [s for s in lines if not any(_is_of(s.frequency_hz, f) for f in hums)]
+    # and a wave free to swell takes noise away on both its sides: beside that hollow, noise looks like a line
+    found += [s for s in lines if all(s.frequency_hz > HOLLOW_UP_TO * f for f in waves_hz)]
     found += _far_off("force", force, trials)
     found += _wandering(problem, fit) + _in_order(problem, fit) + _gain_step(problem, fit)
     with_command = [t for t in trials if t.has_command]

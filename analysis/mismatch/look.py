@@ -152,7 +152,8 @@ def _event_scans(
     """
     absent = [m for m in event_mechanisms() if m.name not in present]
     # an event's scan has its own account of how tissues scatter
-    weighings = tuple([w.tight for w in p.whiteners] for p in (problem, slow_problem))
+    ways = (problem,) if slow_problem is problem else (problem, slow_problem)
+    weighings = tuple([w.tight for w in p.whiteners] for p in ways)
     return tuple(
         max(
             (scan_events(m, problem.trials, w, fit) for w in weighings),

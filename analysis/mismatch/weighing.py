@@ -156,7 +156,7 @@ def weighed_slow(problem: Problem, fit: JointFit) -> Problem:
     """Return the problem with its cells weighed by noise measured in long stretches, its slow part included.
 
     A step in a slow wander of the noise is no event. For laws the slow part is left out, as a mismatch that is not
-    named yet is slow too; it has no steps.
+    named yet is slow too; it has no steps. The same problem, where there is no such part.
     """
     rate = problem.common_rate_hz
     if len(problem.trials) < REPEATS or rate is None:
@@ -164,4 +164,6 @@ def weighed_slow(problem: Problem, fit: JointFit) -> Problem:
     residuals = quiet_residuals(problem, fit)
     long = min(round(LONG_SEGMENT_S * rate), max(len(r) for r in residuals))
     noise = measure_noise([r for r in residuals if len(r) >= long], rate, LONG_SEGMENT_S)
+    if not weighs_otherwise(measure_noise(residuals, rate), noise, rate):
+        return problem
     return weighed(problem.trials, noise)

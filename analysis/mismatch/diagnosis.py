@@ -22,7 +22,7 @@ from analysis.mismatch.signatures import FEW_TRIALS, Probe, accumulate
 from analysis.mismatch.single_trials import search_few
 from analysis.mismatch.start import start_own, start_rigid, start_tissue
 from analysis.mismatch.strays import Stray, find_strays
-from analysis.mismatch.weighing import first_noise, fit_baseline, noise_of, settled, weighed, weighs_otherwise
+from analysis.mismatch.weighing import first_noise, noise_of, settled, weighed, weighs_otherwise
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.mechanism import Mechanism, library
 from analysis.simulation.mechanisms.finite_ramp import FiniteRamp
@@ -98,11 +98,12 @@ def diagnose(intake: Intake, *, baseline: str = "ramp", seed: int = 0) -> Diagno
     if again is not None:
         # large effects had been taken for noise: search again without them in it
         problem, noise = again
-        fit = fit_baseline(problem, fit.simulation, fit.own)
+        begun = next((c for c in named.chosen if is_far(c, len(trials))), None)
+        fit_anew = problem.fit if begun is None else problem.fit_bent
+        fit = fit_anew(fit.simulation, fit.own)
         if ramp is not None:
             ramp = _finite_ramp(problem, fit, rng)
         base = fit if ramp is None else ramp.fit
-        begun = next((c for c in named.chosen if is_far(c, len(trials))), None)
         named = _search(problem, base, rng, None if begun is None else refitted(problem, base, begun))
     if ramp is not None:
         named = replace(

@@ -99,6 +99,7 @@ def make_report(
             *_contact_notes(diagnosis),
             *_scatter_notes(diagnosis),
             *_size_notes(mechanisms),
+            *_end_notes(mechanisms),
             *tolerated,
         ),
         tolerance_mn=tolerance_mn,
@@ -157,6 +158,21 @@ def _size_notes(mechanisms: tuple[FoundMechanism, ...]) -> tuple[str, ...]:
     )
 
 
+def _at_an_end(mechanisms: tuple[FoundMechanism, ...]) -> tuple[tuple[str, Quantity], ...]:
+    """Return the laws whose size ended at a limit of its range, where a fit knows no uncertainty, and that size."""
+    sizes = ((m.name, m.parameters.get(library()[m.name].amplitude)) for m in mechanisms)
+    return tuple((n, q) for n, q in sizes if q is not None and q.se == 0.0 and library()[n].form == "law")
+
+
+def _end_notes(mechanisms: tuple[FoundMechanism, ...]) -> tuple[str, ...]:
+    """Return which laws went as far as they can."""
+    return tuple(
+        f"{wording.spoken(name).capitalize()} ended at the limit of its range ({wording.with_error(q)}): a law that "
+        "has to go so far is not the right one."
+        for name, q in _at_an_end(mechanisms)
+    )
+
+
 def _position_windows(diagnosis: Diagnosis) -> tuple[Window, ...]:
     position = diagnosis.position
     if position is None:
@@ -180,7 +196,7 @@ def _verdict(
     lever_unknown = position is not None and len(position.unknown_bins) > 0 and not servo_named(diagnosis)
     too_much = remainder is not None and not is_small(remainder, tolerance_mn)
     force_unknown = not diagnosis.named.chosen and not diagnosis.named.first_look.quiet
-    if lever_unknown or too_much or force_unknown or large_strays(diagnosis):
+    if lever_unknown or too_much or force_unknown or large_strays(diagnosis) or _at_an_end(mechanisms):
         return "unknown"
     if not mechanisms:
         return "no_mismatch"

@@ -23,7 +23,6 @@ FloatArray = NDArray[np.float64]
 LONG_SEGMENT_S = 6.4
 ABOUT_EVENT_S = 0.05
 SHORTEST_STRETCH = 64
-FAR_OFF = 2.0
 
 
 def quiet_residuals(problem: Problem, fit: JointFit) -> list[FloatArray]:
@@ -111,20 +110,6 @@ def loosened(problem: Problem, fit: JointFit) -> Problem:
     )
 
 
-def fit_baseline(problem: Problem, simulation: Simulation, own: Sequence[PerTrial]) -> JointFit:
-    """Fit a simulation in which large effects may be missing.
-
-    Where repeats may differ in their tissue, a large effect can be met by a tissue that is far from all of theirs: then
-    the one that noise alone would have is kept.
-    """
-    fit = problem.fit(simulation, own)
-    if not problem.scatter_mn:
-        return fit
-    plain = problem.tight.fit(simulation, own)
-    far = problem.tight.fit(fit.simulation, fit.own, rounds=0).cost.sum() > FAR_OFF * plain.cost.sum()
-    return problem.fit(plain.simulation, plain.own, rounds=0) if far else fit
-
-
 def settled(
     trials: Sequence[CellTrial], noise: NoiseModel, simulation: Simulation, own: Sequence[PerTrial]
 ) -> tuple[Problem, JointFit, NoiseModel]:
@@ -142,7 +127,7 @@ def settled(
     fit = loose.fit(fit.simulation, fit.own)
     noise = noise_of(loose, fit)
     problem = loosened(weighed(trials, noise), fit)
-    return problem, fit_baseline(problem, fit.simulation, fit.own), noise
+    return problem, problem.fit(fit.simulation, fit.own), noise
 
 
 def weighs_otherwise(before: NoiseModel, after: NoiseModel, sample_rate_hz: float) -> bool:

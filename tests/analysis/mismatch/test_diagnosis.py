@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -224,3 +225,14 @@ def test_trials_of_two_rigs_are_refused() -> None:
     faster = replace(two, sample_rate_hz=10_000.0)
     with pytest.raises(BadInputError, match="different rigs"):
         take_in_memory([one, faster])
+
+
+def test_a_law_at_the_end_of_its_range_is_not_the_right_one() -> None:
+    found = _diagnose('name = "force_lag"\ntime_constant_ms = 3.0')
+    assert make_report(found, baseline="ramp", seed=1, tolerance_mn=0.3).verdict == "named"
+    # at a limit a fit knows no uncertainty
+    pinned = replace(found.improved, covariance=np.zeros_like(found.improved.covariance))
+    named = replace(found.named, fits=(*found.named.fits[:-1], pinned))
+    report = make_report(replace(found, named=named), baseline="ramp", seed=1, tolerance_mn=0.3)
+    assert report.verdict == "unknown"
+    assert any("Force lag ended at the limit of its range" in note for note in report.notes)

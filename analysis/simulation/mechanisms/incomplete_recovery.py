@@ -12,21 +12,20 @@ class IncompleteRecovery(Mechanism):
     """A slow arm starts loaded by L = fraction * k0 * sum over the indentations before of d exp(-rest / T).
 
     Nothing presses the skin yet, so that it sinks in until its spring and its quick arms bear that load, and comes back
-    as L falls with exp(-t / T): `sinking`. ``fraction`` is positive when the tissue starts still pressed in. Trials
-    without an indentation before, or of unknown rest, are taken as recovered.
+    as L falls with exp(-t / T): `sinking`. Trials without an indentation before, or of unknown rest, are taken as
+    recovered.
     """
 
     name = "incomplete_recovery"
     stage = "tissue"
     parameters = (
-        Parameter("fraction", "1", -5.0, 50.0),
+        Parameter("fraction", "1", 0.0, 50.0),
         Parameter("time_constant_s", "s", 0.5, 2000.0, "log"),
     )
     amplitude = "fraction"
     null = {"fraction": 0.0, "time_constant_s": 60.0}
     probes = tuple({"fraction": 0.01, "time_constant_s": t} for t in (3.0, 10.0, 30.0, 100.0, 300.0))
     typical = {"fraction": 0.1, "time_constant_s": 60.0}
-    one_sided = False
     words = "the tissue had not recovered from the previous indentation when the next one began"
     source = (
         "a slow Maxwell arm that keeps its load over the rest; free surface by the correspondence principle"

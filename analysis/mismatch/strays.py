@@ -127,6 +127,8 @@ def _bridged(trial: CellTrial) -> FloatArray:
     """Return the position residual, straight where the arm is accelerated: there the servo has a signature."""
     left = trial.full_servo_residual_mm.astype(np.float64)
     moving = np.repeat(np.abs(trial.acceleration_mm_s2) > 50.0, trial.counts.astype(np.int64))
+    if moving.all():
+        return np.zeros_like(left)
     left[moving] = np.interp(np.flatnonzero(moving), np.flatnonzero(~moving), left[~moving])
     return left
 

@@ -146,24 +146,10 @@ def surface_candidates(problem: Problem, fit: JointFit, seen: Look, to_beat: flo
             ),
             key=lambda c: c.total_gain,
         )
-        if is_far(best, len(problem.trials)):
+        if centre < QUICK_ABOVE_HZ and best.total_gain > LARGE_GAIN * len(problem.trials):
             best = _settled(problem, fit, best, waves)
         found.append(best)
     return found
-
-
-def is_far(candidate: Candidate, n_trials: int) -> bool:
-    """Tell whether a candidate is a slow movement of the skin so large that nobody would doubt it."""
-    values = candidate.fit.simulation.additions[-1].values
-    slow = candidate.mechanism.form == "oscillation" and values["frequency_hz"] < QUICK_ABOVE_HZ
-    return slow and candidate.total_gain > LARGE_GAIN * n_trials
-
-
-def refitted(problem: Problem, fit: JointFit, far: Candidate) -> Candidate:
-    """Return a far movement alone beside a fit, where trials are weighed otherwise than it was found with."""
-    found = far.fit.simulation
-    alone = replace(found, additions=(*fit.simulation.additions, found.additions[-1]))
-    return _latent_candidate(far.mechanism, fit, problem.fit(alone, far.fit.own, rounds=20), far.p_value)
 
 
 def _settled(problem: Problem, fit: JointFit, best: Candidate, waves: Sequence[Addition]) -> Candidate:

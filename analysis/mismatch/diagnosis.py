@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.mismatch.candidates import Candidate, is_far, refit_with, refitted
+from analysis.mismatch.candidates import Candidate, refit_with
 from analysis.mismatch.confirm import HeldOut, held_out
 from analysis.mismatch.intake import Intake
 from analysis.mismatch.joint import JointFit
@@ -93,18 +93,16 @@ def diagnose(intake: Intake, *, baseline: str = "ramp", seed: int = 0) -> Diagno
         # what repeats deviate by is asked of a simulation that has the motion right
         problem, fit, noise = settled(trials, noise, fit.simulation, fit.own)
     ramp = _finite_ramp(problem, fit, rng) if step else None
-    named = _search(problem, fit if ramp is None else ramp.fit, rng)
+    search_all = search_few if nothing_repeats(trials) else search
+    named = search_all(problem, fit if ramp is None else ramp.fit, rng)
     again = _weighed_with(problem, noise, named.fits[-1]) if named.chosen else None
     if again is not None:
         # large effects had been taken for noise: search again without them in it
         problem, noise = again
-        begun = next((c for c in named.chosen if is_far(c, len(trials))), None)
-        fit_anew = problem.fit if begun is None else problem.fit_bent
-        fit = fit_anew(fit.simulation, fit.own)
+        fit = problem.fit(fit.simulation, fit.own)
         if ramp is not None:
             ramp = _finite_ramp(problem, fit, rng)
-        base = fit if ramp is None else ramp.fit
-        named = _search(problem, base, rng, None if begun is None else refitted(problem, base, begun))
+        named = search_all(problem, fit if ramp is None else ramp.fit, rng)
     if ramp is not None:
         named = replace(
             named,
@@ -127,13 +125,6 @@ def diagnose(intake: Intake, *, baseline: str = "ramp", seed: int = 0) -> Diagno
         confirmed_condition=by_condition,
         strays=find_strays(problem, named.fits[-1]),
     )
-
-
-def _search(
-    problem: Problem, base: JointFit, rng: np.random.Generator, begun: Candidate | None = None
-) -> Named:
-    few = nothing_repeats(problem.trials)
-    return search_few(problem, base, rng) if few else search(problem, base, rng, begun)
 
 
 def _weighed_with(problem: Problem, noise: NoiseModel, found: JointFit) -> tuple[Problem, NoiseModel] | None:

@@ -48,14 +48,6 @@ class Problem:
         """Fit a simulation to the trials."""
         return fit_jointly(self.trials, self.whiteners, simulation, own, rounds=rounds)
 
-    def fit_bent(self, simulation: Simulation, own: Sequence[PerTrial]) -> JointFit:
-        """Fit a simulation in which a far movement of the skin is missing, with the tissue that noise alone would have.
-
-        Where repeats may differ in their tissue, such a movement is met by one that is far from all of theirs.
-        """
-        plain = self.tight.fit(simulation, own)
-        return self.fit(plain.simulation, plain.own, rounds=0)
-
     def residual(self, fit: JointFit, j: int) -> FloatArray:
         """Return what a fit leaves of one trial's cells, (n,), mN, less what repeats of it deviate by."""
         return self.whiteners[j].settled(self._unsettled(fit, j))

@@ -42,19 +42,12 @@ class Named:
     last_look: Look
 
 
-def search(
-    problem: Problem, baseline: JointFit, rng: np.random.Generator, begun: Candidate | None = None
-) -> Named:
-    """Add mechanisms while they are significant and explain enough of what repeats; at most four.
-
-    ``begun``: what is beyond doubt already.
-    """
-    chosen = [] if begun is None else [begun]
-    fits = [baseline, *(c.fit for c in chosen)]
-    considered: list[tuple[Candidate, ...]] = [(c,) for c in chosen]
+def search(problem: Problem, baseline: JointFit, rng: np.random.Generator) -> Named:
+    """Add mechanisms while they are significant and explain enough of what repeats; at most four."""
+    fits = [baseline]
+    chosen: list[Candidate] = []
+    considered: list[tuple[Candidate, ...]] = []
     first = seen = look(problem, baseline, rng)
-    if chosen:
-        seen = look(problem, fits[-1], rng)
     while len(chosen) < MOST_MECHANISMS:
         left = problem.weighed_repeatable(fits[-1])
         found = [c for c in candidates(problem, fits[-1], seen) if not repeats(problem, left, c)]

@@ -93,6 +93,10 @@ def loosened(problem: Problem, fit: JointFit) -> Problem:
         of_trial = reduced(replace(line, J=whitener.tight(by_shared)))
         information.append(of_trial.hessian[:tissue, :tissue])
         gradients.append(of_trial.gradient[:tissue])
+        if np.any(surface_mm):
+            # a movement that is in the columns would be explained by tissues that differ, wherever it is left out
+            still_mn = fit.simulation.force_mn(trial, own)
+            by_shared = shared_columns(trial, fit.simulation, own, problem.trials, still_mn)
         columns.append(by_shared[:, :tissue])
     scatter = scatter_of_repeats(information, gradients, [t.condition for t in problem.trials])
     if not scatter.spread.shape[1]:

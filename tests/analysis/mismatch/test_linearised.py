@@ -14,7 +14,7 @@ from analysis.mismatch.problem import Problem
 from analysis.mismatch.shared import Simulation
 from analysis.mismatch.start import start_own, start_tissue
 from analysis.mismatch.surface_oscillation import surface_addition
-from analysis.mismatch.weighing import weighed
+from analysis.mismatch.weighing import loosened, weighed
 from analysis.simulation.mechanism import library
 
 sys.path.append(str(Path(__file__).parents[2]))
@@ -110,3 +110,20 @@ def test_frozen_parameters_stay(far_breath: tuple[Problem, Simulation]) -> None:
         for t, w, o in zip(problem.trials, problem.whiteners, start_own(problem.trials), strict=True)
     )
     assert fit.cost.sum() < 0.5 * start
+
+
+def test_tissues_that_differ_explain_no_movement_that_is_left_out() -> None:
+    plans = study_plans(depths_mm=(0.3, 0.6), repeats=4, hold_s=3.0)
+    bench = (
+        BENCH + "[noise]\ngain_jitter = 0.01\n" + BREATH.replace("respiration", "tremor").replace("0.3", "11")
+    )
+    trials = take_in_memory(bench_trials(bench.replace("30.0", "2.0"), plans)).trials
+    problem = weighed(trials, NoiseModel(0.3))
+    still = problem.fit(Simulation(start_tissue(trials)), start_own(trials))
+    shakes = surface_addition(library()["tremor"], {t.label: 11.0 for t in trials}, 1, 0.14)
+    moving = problem.fit(replace(still.simulation, additions=(shakes,)), still.own)
+    loose = loosened(problem, moving)
+    assert loose.scatter_mn > 0.0
+    left_out = loose.fit(still.simulation, still.own)
+    assert left_out.simulation.tissue.k0 == pytest.approx(moving.simulation.tissue.k0, rel=0.1)
+    assert left_out.cost.sum() > 10.0 * loose.fit(moving.simulation, moving.own).cost.sum()

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from analysis.mismatch.event_at import SAME_EVENT_S, EventAt, after, courses
 from analysis.mismatch.joint import JointFit
-from analysis.mismatch.linearised import column_space, linearise
+from analysis.mismatch.linearised import column_space, linearise, weighed_residual
 from analysis.mismatch.problem import Problem
 
 FloatArray = NDArray[np.float64]
@@ -65,7 +65,7 @@ def gain_step(problem: Problem, fit: JointFit) -> GainStep | None:
         mine = np.concatenate([np.zeros(line.A.shape[1] - len(of_event), dtype=bool), of_event])
         basis = column_space(np.hstack([line.A[:, ~mine], line.J]))
         without = np.where(of_event, 0.0, fit.latents[j])
-        bare = whitener(trial.force_mn - fit.simulation.whole_force_mn(trial, own, without))
+        bare = weighed_residual(trial, whitener, fit.simulation, own, without)
         of_named = _left(bare, basis) - _left(line.r, basis)
         of_step = _explained(bare, basis, whitener(stepped))
         better_by += of_step - of_named - 2.0 * float(stepped.shape[1] - of_event.sum())

@@ -193,10 +193,9 @@ def stray_lines(
             ratio = np.convolve(relative, kernel, mode="same") / (n * len(kernel))
             compared = 2.0 * np.log(2.0) ** 2 * width * n
         else:
-            sides = np.abs(
-                np.arange(-round(SIDES_HZ[1] / frequency[1]), round(SIDES_HZ[1] / frequency[1]) + 1)
-            )
-            beside = (sides * frequency[1] > SIDES_HZ[0]).astype(np.float64)
+            reach = round(SIDES_HZ[1] / frequency[1])
+            away_hz = np.abs(np.arange(-reach, reach + 1)) * frequency[1]
+            beside = (away_hz > SIDES_HZ[0]).astype(np.float64)
             mean = np.convolve(even, kernel, mode="same") / len(kernel)
             ratio = mean / (np.convolve(even, beside, mode="same") / beside.sum())
             compared = 2.0 * n * beside.sum()

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.mismatch.joint import JointFit, fit_jointly
+from analysis.mismatch.linearised import weighed_residual
 from analysis.mismatch.noise import Whitener
 from analysis.mismatch.profiles import OUTSIDE, bins_of, profile, repeatable_energy
 from analysis.mismatch.shared import Simulation
@@ -50,15 +51,13 @@ class Problem:
 
     def residual(self, fit: JointFit, j: int) -> FloatArray:
         """Return what a fit leaves of one trial's cells, (n,), mN, less what repeats of it deviate by."""
-        return self.whiteners[j].settled(self._unsettled(fit, j))
+        t = self.trials[j]
+        left = t.force_mn - fit.simulation.whole_force_mn(t, fit.own[j], fit.latents[j])
+        return self.whiteners[j].settled(left)
 
     def weighed_residual(self, fit: JointFit, j: int) -> FloatArray:
         """Return what a fit leaves of one trial's fitted cells, whitened, (m,)."""
-        return self.whiteners[j](self._unsettled(fit, j))
-
-    def _unsettled(self, fit: JointFit, j: int) -> FloatArray:
-        t, o = self.trials[j], fit.own[j]
-        return t.force_mn - fit.simulation.whole_force_mn(t, o, fit.latents[j])
+        return weighed_residual(self.trials[j], self.whiteners[j], fit.simulation, fit.own[j], fit.latents[j])
 
     def residuals(self, fit: JointFit) -> list[FloatArray]:
         """Return what a fit leaves of every trial's cells, mN."""

@@ -56,7 +56,9 @@ def find_strays(problem: Problem, fit: JointFit) -> tuple[Stray, ...]:
     found: list[Stray] = []
     additions = fit.simulation.additions
     hums = [a.hum.frequency_hz for a in additions if a.hum is not None]
-    waves_hz = [a.values["frequency_hz"] for a in additions if a.mechanism.form == "oscillation" and a.latent]
+    waves_hz = [
+        a.values["frequency_hz"] for a in additions if a.mechanism.form == "oscillation" and a.hum is None
+    ]
     at_rest = [_kinks_taken_out(r, t) for r, t in zip(force, trials, strict=True)]
     lines = _lines("force", at_rest, trials, rate) if rate is not None else []
     # what is left of a line that was named is its remainder, not news

@@ -54,13 +54,13 @@ def _failed(code: int, error: BaseException | str) -> int:
 
 
 def _demo(given: argparse.Namespace) -> None:
-    from rig.demo import run_demo
+    from rig.commands.demo import run_demo
 
     print(run_demo(given.out))
 
 
 def _run(given: argparse.Namespace) -> None:
-    from rig.headless import run_protocol_file, write_examples
+    from rig.commands.run import run_protocol_file, write_examples
 
     if given.example is not None:
         write_examples(given.example)
@@ -73,7 +73,7 @@ def _run(given: argparse.Namespace) -> None:
 
 
 def _calibrate(given: argparse.Namespace) -> None:
-    from rig.calibrating import calibrate
+    from rig.commands.calibrate import calibrate
 
     print(calibrate(given.which, rig=given.rig, out=given.out))
 
@@ -110,7 +110,7 @@ def _diagnose(given: argparse.Namespace) -> None:
 
 
 def _prove(given: argparse.Namespace) -> None:
-    from rig.proof import run_proof
+    from rig.proof.proving import run_proof
 
     print(run_proof(cases=given.cases, seed=given.seed, out=given.out))
 
@@ -134,7 +134,7 @@ def _discard(given: argparse.Namespace) -> None:
 
 
 def _watch(_: argparse.Namespace) -> None:
-    from rig.watching import watch
+    from rig.commands.watch import watch
 
     watch()
 

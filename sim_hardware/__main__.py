@@ -72,7 +72,7 @@ def run_bench(settings: "BenchSettings", *, from_stdin: bool) -> int:
     """Say where the bench is and let it live as long as it is wanted; the process's exit code."""
     ended = threading.Event()
     _heed_signals(ended, from_stdin=from_stdin)
-    from sim_hardware.services import Services
+    from sim_hardware.server.services import Services
 
     services = Services(settings)
     print(json.dumps(services.addresses), flush=True)

@@ -19,7 +19,7 @@ from analysis.recordings.trial import (
     Surface,
     Trial,
 )
-from sim_hardware.offline import RecordedTrial, TrialPlan, record_study
+from sim_hardware.concealment.offline import RecordedTrial, TrialPlan, record_study
 from sim_hardware.settings import BenchSettings
 
 _DAY = datetime(2024, 5, 6, 9, 0, tzinfo=UTC)

@@ -16,7 +16,7 @@ from rig.hardware.lever import Lever
 from rig.hardware.operator import ConsoleAnswers, ConsoleOperator, Operator, RemoteOperator
 from rig.hardware.remote import ControlService
 from rig.hardware.stage import Stage
-from rig.rig_file import RigFile, ServiceSettings
+from rig.settings.rig_file import RigFile, ServiceSettings
 
 _LONGEST_READ_S = 0.05
 """Half of the 100 ms that may be missing after a kill."""

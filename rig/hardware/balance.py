@@ -8,7 +8,7 @@ from typing import Self
 
 from rig.hardware.errors import SerialDeviceError
 from rig.hardware.serial_line import SerialLine
-from rig.rig_file import BalanceSettings
+from rig.settings.rig_file import BalanceSettings
 
 _WEIGHT = re.compile(r"S S +(?P<value>[-+]?\d+(?:\.\d+)?) (?P<unit>\S+)")
 _STABLE_S = 30.0

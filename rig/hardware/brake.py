@@ -14,7 +14,7 @@ from rig.hardware.limits import Watch
 from rig.hardware.playback import Chunk, Playback
 from rig.hardware.recorder import Recorder
 from rig.hardware.retreat import LATE_S, SETTLE_S, straight_mm
-from rig.rig_file import RigFile
+from rig.settings.rig_file import RigFile
 
 FloatArray = NDArray[np.float64]
 

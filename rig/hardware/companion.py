@@ -15,7 +15,7 @@ import tomlkit
 
 from rig.hardware.errors import CompanionError
 from rig.hardware.processes import own_group
-from rig.rig_file import CompanionSettings
+from rig.settings.rig_file import CompanionSettings
 
 PREFIX = "companion:"
 END_OF_SETTINGS = "# end"

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rig.hardware.alignment import CommandTrack, StartFinder
 from rig.hardware.daq import Card, CardOutput
 from rig.hardware.playback import Playback
-from rig.rig_file import CardSettings
+from rig.settings.rig_file import CardSettings
 
 FloatArray = NDArray[np.float64]
 

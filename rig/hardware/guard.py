@@ -21,7 +21,7 @@ from typing import IO, Self
 from analysis.recordings.trial import Calibration
 from rig.hardware.errors import GuardError
 from rig.hardware.processes import own_session
-from rig.rig_file import RigFile
+from rig.settings.rig_file import RigFile
 
 _log = logging.getLogger(__name__)
 

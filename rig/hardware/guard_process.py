@@ -24,7 +24,7 @@ from analysis.recordings.trial import Calibration
 from rig.hardware.daq import Card
 from rig.hardware.errors import CardBusyError, HardwareError
 from rig.hardware.retreat import Retreat, bring_to_safety
-from rig.rig_file import CardSettings, GuardSettings, LeverSettings
+from rig.settings.rig_file import CardSettings, GuardSettings, LeverSettings
 
 _log = logging.getLogger("guard")
 

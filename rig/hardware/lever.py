@@ -32,7 +32,7 @@ from rig.hardware.retreat import (
     bring_to_safety,
     commanded_by_loopback_mm,
 )
-from rig.rig_file import RigFile
+from rig.settings.rig_file import RigFile
 
 __all__ = ["Chunk", "Lever", "Playback"]
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from analysis.recordings.trial import Calibration
 from rig.hardware.errors import LimitHit, LimitRefusedError
-from rig.rig_file import LeverSettings
+from rig.settings.rig_file import LeverSettings
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

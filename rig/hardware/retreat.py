@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from analysis.recordings.trial import Calibration
 from rig.hardware.daq import Card, CardInput
 from rig.hardware.errors import RetreatFailedError, SamplesLateError, SamplesLostError
-from rig.rig_file import CardSettings, LeverSettings
+from rig.settings.rig_file import CardSettings, LeverSettings
 
 FloatArray = NDArray[np.float64]
 

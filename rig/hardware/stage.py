@@ -10,7 +10,7 @@ from typing import Self
 from rig.hardware.clock import Clock
 from rig.hardware.errors import SerialDeviceError
 from rig.hardware.serial_line import SerialLine
-from rig.rig_file import StageSettings
+from rig.settings.rig_file import StageSettings
 
 _REPLY = re.compile(
     r"@(?P<device>\d\d) (?P<axis>\d) (?P<flag>OK|RJ) (?P<status>IDLE|BUSY) (?P<warning>\S\S) (?P<data>.*)"

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 from analysis.recordings.trial import ProtocolSummary, Specimen
-from rig.protocol_file import ForceCalibration, PositionCalibration, SurfaceDetection
 from rig.protocols.indenting import AWAY_MM_S, NEAR_MM, clear_air, detection, place_block
 from rig.protocols.steps import Approach, Ask, MoveStage, PlannedTrial, Preparation, Retract, Stay, WeighMass
 from rig.protocols.sweeping import air_sweeps
+from rig.settings.protocol_file import ForceCalibration, PositionCalibration, SurfaceDetection
 
 _SWEEP_MM = (1.0, 9.0)
 _SWEEP_SPEED_MM_S = 5.0

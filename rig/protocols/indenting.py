@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from analysis.recordings.trial import Kind, ProtocolSummary, Specimen
-from rig.protocol_file import StudyIndentation, SurfaceDetection
 from rig.protocols.steps import Approach, Ask, Motion, PlannedTrial, Preparation, RampTo, Retract, Stay
+from rig.settings.protocol_file import StudyIndentation, SurfaceDetection
 
 FREE_S = 0.1
 """Recorded at rest before the approach: the force of the free arm, from which the threshold counts."""

@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 from analysis.recordings.trial import Specimen
-from rig.protocol_file import (
+from rig.protocols.calibrating import force_trials, position_trials, upright_again
+from rig.protocols.indenting import approach, detection, indentation, place_block, place_finger
+from rig.protocols.steps import Plan
+from rig.protocols.studying import study_trials
+from rig.protocols.sweeping import air_sweeps
+from rig.settings.protocol_file import (
     AirSweep,
     ForceCalibration,
     PositionCalibration,
@@ -13,11 +18,6 @@ from rig.protocol_file import (
     SurfaceOnly,
     TrialProtocol,
 )
-from rig.protocols.calibrating import force_trials, position_trials, upright_again
-from rig.protocols.indenting import approach, detection, indentation, place_block, place_finger
-from rig.protocols.steps import Plan
-from rig.protocols.studying import study_trials
-from rig.protocols.sweeping import air_sweeps
 
 
 def plan_of(protocol: Protocol, punch_diameter_mm: float, toml: str = "") -> Plan:

@@ -8,10 +8,10 @@ from itertools import product
 import numpy as np
 
 from analysis.recordings.trial import Specimen
-from rig.protocol_file import Study, StudyPlan
 from rig.protocols.indenting import indentation, place_block, place_finger
 from rig.protocols.steps import PlannedTrial, Preparation, Rest
 from rig.protocols.sweeping import air_sweeps
+from rig.settings.protocol_file import Study, StudyPlan
 
 _SWEEP_MM = (1.0, 9.0)
 

@@ -4,7 +4,7 @@
 
 Each line of DIR/NAME.jsonl holds the truth, the report, and what it took. DIR/drawn keeps the cases, so
 that the same ones can be diagnosed again once the lines are removed. The tests beside this file run
-campaigns and print their tables with `rig.proof_scores`.
+campaigns and print their tables with `rig.proof.scores`.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from typing import Any
 import numpy as np
 
 import sim_hardware
-from sim_hardware.cases import NOISES, RUNGS, Case, Hidden, draw_case, draw_pair
-from sim_hardware.knobs import ABSORBED, LIBRARY, OUTSIDE
-from sim_hardware.offline import TrialPlan, record_study, study_plans
+from sim_hardware.concealment.cases import NOISES, RUNGS, Case, Hidden, draw_case, draw_pair
+from sim_hardware.concealment.knobs import ABSORBED, LIBRARY, OUTSIDE
+from sim_hardware.concealment.offline import TrialPlan, record_study, study_plans
 from sim_hardware.settings import BenchSettings
 
 Row = dict[str, Any]

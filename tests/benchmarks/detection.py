@@ -23,10 +23,10 @@ from analysis.mismatch.start import start_own, start_tissue
 from analysis.mismatch.weighing import weighed
 from analysis.recordings.trial import Calibration, Phase, ProtocolSummary, Specimen, Trial
 from analysis.simulation.cells import CellTrial
-from sim_hardware.knobs import LIBRARY
-from sim_hardware.plans import TrialPlan, study_plans
+from sim_hardware.concealment.knobs import LIBRARY
+from sim_hardware.concealment.plans import TrialPlan, study_plans
+from sim_hardware.concealment.strength import Quiet, quiet_bench, record_quietly
 from sim_hardware.settings import BenchSettings, EffectSettings
-from sim_hardware.strength import Quiet, quiet_bench, record_quietly
 
 NOISE_MN = 0.3
 STUDY = tuple(study_plans())

@@ -8,11 +8,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rig.config import parse_rig
 from rig.hardware.companion import Companion
 from rig.hardware.lever import Lever
 from rig.hardware.remote import ControlService
 from rig.hardware.retreat import straight_mm
+from rig.settings.reading import parse_rig
 
 BENCH = """
 [card]

@@ -22,7 +22,7 @@ from analysis.mismatch.shared import Addition, Simulation
 from analysis.mismatch.start import start_own
 from analysis.recordings import find_trials
 from analysis.simulation.mechanism import Tissue, library
-from rig.headless import run_protocol_file
+from rig.commands.run import run_protocol_file
 
 STUDY = """
 kind = "study"

@@ -14,7 +14,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 import detection
 
 from analysis.mismatch.signflip import flip_test
-from rig.proof_scores import decibel, matched_strength, strength_at
+from rig.proof.scores import decibel, matched_strength, strength_at
 
 NAMES = ("adhesion", "viscous_friction", "third_relaxation", "force_drift", "heartbeat", "slip")
 STRENGTHS = (2.0, 3.0, 4.0, 5.0, 6.0, 8.0)

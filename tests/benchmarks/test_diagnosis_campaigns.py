@@ -19,9 +19,9 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 import campaign
 
-from rig.proof_figures import figures, ladder
-from rig.proof_page import is_right
-from rig.proof_scores import (
+from rig.proof.figures import figures, ladder
+from rig.proof.page import is_right
+from rig.proof.scores import (
     Outcome,
     all_named,
     all_within,

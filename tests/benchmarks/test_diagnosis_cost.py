@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from analysis.recordings import write_trial
-from sim_hardware.offline import record_trial, study_plans
+from sim_hardware.concealment.offline import record_trial, study_plans
 from sim_hardware.settings import BenchSettings
 from sim_hardware.world import World
 

@@ -20,7 +20,7 @@ from rivals import Said
 
 from analysis.mismatch.diagnosis import diagnose
 from analysis.mismatch.intake import Intake, take_in_memory
-from sim_hardware.cases import Case, draw_case
+from sim_hardware.concealment.cases import Case, draw_case
 
 CASES: list[campaign.Spec] = [
     ("null", (), 0.0, "white"),

@@ -83,7 +83,7 @@ def false_alarm(n: int, low: float, high: float) -> float:
 
 def test_intervals_hold_on_the_simulated_bench(bench_trials: Callable[..., list[Trial]]):
     """The same on a bench that shares no code with the fit."""
-    from sim_hardware.offline import study_plans
+    from sim_hardware.concealment.offline import study_plans
 
     trials = bench_trials("seed = 5\n[specimens]\npublished_tissue = true\n", study_plans(repeats=25))
     rows = [fit_trial(trial) for trial in trials]

@@ -16,9 +16,9 @@ import numpy as np
 import psutil
 import pytest
 
-from rig.config import parse_rig
 from rig.hardware.companion import Companion
 from rig.hardware.remote import ControlService
+from rig.settings.reading import parse_rig
 
 N_KILLS = int(os.environ.get("INDENTER_KILLS", "100"))
 AIM_S = 0.5
@@ -37,7 +37,7 @@ PRESSING = """
 import sys
 from contextlib import nullcontext
 from pathlib import Path
-from rig.config import load_rig
+from rig.settings.reading import load_rig
 from rig.hardware.guard import Guard
 from rig.hardware.lever import Lever
 from rig.hardware.retreat import straight_mm

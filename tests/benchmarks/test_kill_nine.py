@@ -20,12 +20,12 @@ import pytest
 
 from analysis.recordings import read_trial
 from analysis.recordings.rescue import rescue_paths
-from rig.config import parse_rig
 from rig.engine.announcing import announcements
 from rig.engine.following import Follower
 from rig.engine.states import State
 from rig.hardware.companion import Companion
 from rig.hardware.remote import ControlService
+from rig.settings.reading import parse_rig
 
 RATE_HZ = 8000.0
 KILLS = int(os.environ.get("KILLS", "100"))

@@ -16,7 +16,7 @@ from analysis.relaxation.fit import fit_trial
 from analysis.relaxation.published import RESULTS, STIFFNESS_MN_PER_UM
 from analysis.relaxation.result import Model, TrialFit
 from analysis.relaxation.study import summarise
-from sim_hardware.offline import study_plans
+from sim_hardware.concealment.offline import study_plans
 
 pytestmark = pytest.mark.benchmark
 FINGERS = ("thumb", "index", "middle", "ring", "little")

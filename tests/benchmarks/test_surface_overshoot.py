@@ -18,12 +18,12 @@ import numpy as np
 import pytest
 
 from analysis.recordings import read_trial
-from rig.config import parse_protocol, parse_rig
 from rig.engine.interrupts import Interrupts
 from rig.engine.runner import Runner, Task
 from rig.engine.session import open_bench
 from rig.hardware.lever import Chunk, Lever
 from rig.protocols.planning import plan_of
+from rig.settings.reading import parse_protocol, parse_rig
 
 APPROACHES = int(os.environ.get("APPROACHES", "50"))
 AIM_UM = 15.0

@@ -15,11 +15,11 @@ import numpy as np
 import pytest
 
 from analysis.recordings import TrialHeader, TrialWriter, read_trial
-from rig.config import parse_rig
 from rig.engine.filing import Filing
 from rig.engine.recorder import Recorder
 from rig.engine.session import open_bench
 from rig.protocols.waveforms import ramp_mm
+from rig.settings.reading import parse_rig
 
 MINUTES = float(os.environ.get("MINUTES", "10"))
 

@@ -11,13 +11,13 @@ from pathlib import Path
 import pytest
 
 from analysis.recordings import read_trial
-from rig.config import parse_protocol
+from rig.commands.run import load_rig_or_simulated
 from rig.engine.interrupts import Interrupts
 from rig.engine.progress import clock_words
 from rig.engine.runner import Runner, Task
 from rig.engine.session import open_bench
-from rig.headless import load_rig_or_simulated
 from rig.protocols.planning import plan_of
+from rig.settings.reading import parse_protocol
 
 TRIALS = 86
 STUDY = """

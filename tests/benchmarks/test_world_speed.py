@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim_hardware.offline import record_study, study_plans
+from sim_hardware.concealment.offline import record_study, study_plans
 from sim_hardware.settings import BenchSettings
 from sim_hardware.world import World
 

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from analysis.relaxation.fit import fit_trial
-from sim_hardware.offline import study_plans
+from sim_hardware.concealment.offline import study_plans
 
 TRUTH = {"A1_over_A0": 0.371, "A2_over_A0": 0.294, "t1_s": 2.279, "t2_s": 0.149}
 

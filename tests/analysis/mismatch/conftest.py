@@ -12,7 +12,7 @@ import pytest
 
 from analysis.recordings import write_trial
 from analysis.recordings.trial import Trial
-from sim_hardware.offline import TrialPlan, study_plans
+from sim_hardware.concealment.offline import TrialPlan, study_plans
 
 BENCH = "seed = {seed}\n[specimens]\npublished_tissue = true\n"
 SHORT = {"hold_s": 2.0, "dwell_s": 0.4}

@@ -10,7 +10,7 @@ import pytest
 from analysis.errors import BadInputError
 from analysis.mismatch.diagnose import diagnose_paths
 from analysis.recordings.trial import Trial
-from sim_hardware.offline import study_plans
+from sim_hardware.concealment.offline import study_plans
 
 
 @pytest.fixture(scope="module")

@@ -9,8 +9,8 @@ from types import ModuleType
 
 import pytest
 
-from sim_hardware.plans import study_plans
-from sim_hardware.strength import strength
+from sim_hardware.concealment.plans import study_plans
+from sim_hardware.concealment.strength import strength
 
 SHORT = tuple(study_plans(depths_mm=(0.4, 0.7), repeats=2, hold_s=2.0, dwell_s=0.5))
 

@@ -17,7 +17,7 @@ from analysis.recordings.trial import Trial
 sys.path.append(str(Path(__file__).parents[2]))
 from bench_trials import bench_trials
 
-from sim_hardware.offline import study_plans
+from sim_hardware.concealment.offline import study_plans
 
 PLAIN = "seed = 8\n[specimens]\npublished_tissue = true\n"
 

@@ -21,7 +21,7 @@ from analysis.simulation.mechanism import library
 sys.path.append(str(Path(__file__).parents[2]))
 from bench_trials import bench_trials
 
-from sim_hardware.offline import study_plans
+from sim_hardware.concealment.offline import study_plans
 
 SLIP, ARTEFACT = (next(m for m in event_mechanisms() if m.name == n) for n in ("slip", "motion_artefact"))
 

@@ -21,7 +21,7 @@ sys.path.append(str(Path(__file__).parents[2]))
 from bench_trials import bench_trials
 
 from analysis.mismatch.intake import take_in_memory
-from sim_hardware.offline import study_plans
+from sim_hardware.concealment.offline import study_plans
 
 BENCH = "seed = 3\n[specimens]\npublished_tissue = true\n"
 BREATH = '[[effects]]\nname = "respiration"\namplitude_um = 30.0\nfrequency_hz = 0.3\n'

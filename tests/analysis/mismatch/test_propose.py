@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.mismatch.planned import PlannedTrial, planned_cells
-from rig.config import check_protocol_on_rig, parse_protocol, parse_rig
+from rig.settings.reading import check_protocol_on_rig, parse_protocol, parse_rig
 
 
 def test_next_protocol_runs_on_the_rig_and_shows_a_compliant_lever(plain: Any) -> None:

@@ -17,7 +17,7 @@ from analysis.simulation.mechanism import library
 sys.path.append(str(Path(__file__).parents[2]))
 from bench_trials import bench_trials
 
-from sim_hardware.offline import study_plans
+from sim_hardware.concealment.offline import study_plans
 
 
 def test_hum_that_was_named_is_no_part_of_a_laws_signature() -> None:

@@ -17,8 +17,8 @@ from analysis.mismatch.start import start_own
 from analysis.mismatch.twin import noise_settings
 from analysis.recordings.trial import Trial
 from analysis.simulation.mechanism import Tissue, library
-from rig.config import parse_rig
-from sim_hardware.offline import study_plans
+from rig.settings.reading import parse_rig
+from sim_hardware.concealment.offline import study_plans
 from sim_hardware.settings import BenchSettings
 
 

@@ -15,7 +15,7 @@ from analysis.simulation.mechanisms.incomplete_recovery import sinking
 sys.path.append(str(Path(__file__).parents[2]))
 from bench_trials import bench_trials
 
-from sim_hardware.offline import study_plans
+from sim_hardware.concealment.offline import study_plans
 
 
 @given(

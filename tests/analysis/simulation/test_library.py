@@ -22,7 +22,7 @@ def trial() -> CellTrial:
     sys.path.append(str(Path(__file__).parents[2]))
     from bench_trials import bench_trials
 
-    from sim_hardware.offline import study_plans
+    from sim_hardware.concealment.offline import study_plans
 
     plans = study_plans(depths_mm=(0.4,), repeats=2)
     recorded = bench_trials("seed = 3\n[specimens]\npublished_tissue = true\n", plans)[1]

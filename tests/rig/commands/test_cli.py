@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 import rig.cli
-import rig.headless
+import rig.commands.run
 from analysis.errors import BadInputError
 from rig.cli import main
 from rig.engine.interrupts import Interrupted
@@ -63,7 +63,7 @@ def test_exit_codes_and_one_line(
     def fail(*_: Any, **__: Any) -> None:
         raise error
 
-    monkeypatch.setattr(rig.headless, "run_protocol_file", fail)
+    monkeypatch.setattr(rig.commands.run, "run_protocol_file", fail)
     assert main(["run", "x.toml"]) == code
     assert len(capsys.readouterr().err.splitlines()) == 1
 
@@ -105,5 +105,5 @@ def test_help_loads_nothing_heavy() -> None:
 
 
 def test_no_window_toolkit_in_a_headless_run() -> None:
-    loaded = _loaded("import rig.headless, rig.calibrating, rig.watching, rig.demo")
+    loaded = _loaded("import rig.commands.run, rig.commands.calibrate, rig.commands.watch, rig.commands.demo")
     assert not loaded & {"PySide6", "PyQt5", "PyQt6", "pyqtgraph"}

@@ -16,10 +16,10 @@ import pytest
 from rich.console import Console
 
 from analysis.recordings import read_trial
+from rig.commands.watch import screen, trace, watch
 from rig.engine.following import Follower, follow_newest
 from rig.engine.states import State
 from rig.errors import RigError
-from rig.watching import screen, trace, watch
 
 PROTOCOL = """
 kind = "ramp_hold_retract"

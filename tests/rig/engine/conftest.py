@@ -10,7 +10,6 @@ from typing import Any
 
 import pytest
 
-from rig.config import parse_protocol, parse_rig
 from rig.engine.bench import Bench
 from rig.engine.interrupts import Interrupts
 from rig.engine.progress import Snapshot
@@ -21,6 +20,7 @@ from rig.engine.states import State
 from rig.hardware.lever import Chunk
 from rig.hardware.remote import ControlService
 from rig.protocols.planning import plan_of
+from rig.settings.reading import parse_protocol, parse_rig
 
 RIG = """
 [card]

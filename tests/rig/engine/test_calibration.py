@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 from rich.console import Console
 
 from analysis.recordings.trial import Calibration
-from rig.calibrating import calibrate_on_bench, routine
-from rig.calibrations import CalibrationFile, load_calibration, newest_calibration
+from rig.calibration.kept import CalibrationFile, load_calibration, newest_calibration
+from rig.calibration.lines import student_95
+from rig.commands.calibrate import calibrate_on_bench, routine
 from rig.engine.bench import Bench
 from rig.hardware.lever import Chunk
-from rig.protocol_file import BlockDetection, PositionCalibration
-from rig.protocols.calibration_lines import student_95
-from rig.rig_file import LeverSettings, RigFile
+from rig.settings.protocol_file import BlockDetection, PositionCalibration
+from rig.settings.rig_file import LeverSettings, RigFile
 from sim_hardware.settings import BenchSettings
 from sim_hardware.world.bench import World
 

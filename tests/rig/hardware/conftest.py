@@ -10,11 +10,11 @@ from typing import Any
 
 import pytest
 
-from rig.config import load_rig, parse_rig
 from rig.hardware.companion import Companion
 from rig.hardware.lever import Lever
 from rig.hardware.remote import ControlService
-from rig.rig_file import RigFile
+from rig.settings.reading import load_rig, parse_rig
+from rig.settings.rig_file import RigFile
 
 
 @dataclass(frozen=True)

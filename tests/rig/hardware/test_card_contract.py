@@ -24,7 +24,7 @@ from rig.hardware.errors import (
 )
 from rig.hardware.lever import Lever
 from rig.hardware.retreat import bring_to_safety, straight_mm
-from rig.rig_file import RigFile
+from rig.settings.rig_file import RigFile
 
 STEP_MM = 0.3
 

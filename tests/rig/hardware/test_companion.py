@@ -18,7 +18,7 @@ from rig.hardware.companion import Companion
 from rig.hardware.errors import CompanionError, OperatorError
 from rig.hardware.operator import ConsoleOperator, RemoteOperator, words_for
 from rig.hardware.remote import ControlService
-from rig.rig_file import CompanionSettings
+from rig.settings.rig_file import CompanionSettings
 
 
 @pytest.fixture

@@ -17,7 +17,7 @@ import pytest
 
 from rig.hardware.errors import GuardError
 from rig.hardware.guard import Guard
-from rig.rig_file import RigFile
+from rig.settings.rig_file import RigFile
 
 SAFE_V = 0.5 * 2.042 - 10.0
 ONE_STEP_V = 20 / 2**16
@@ -27,7 +27,7 @@ import signal
 import sys
 import numpy as np
 from pathlib import Path
-from rig.config import load_rig
+from rig.settings.reading import load_rig
 from rig.hardware.guard import Guard
 from rig.hardware.lever import Lever
 

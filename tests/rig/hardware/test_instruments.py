@@ -11,7 +11,7 @@ import pytest
 from rig.hardware.balance import Balance
 from rig.hardware.errors import SerialDeviceError
 from rig.hardware.stage import Stage
-from rig.rig_file import BalanceSettings, StageSettings
+from rig.settings.rig_file import BalanceSettings, StageSettings
 
 
 class ScriptedDevice:

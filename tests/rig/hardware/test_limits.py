@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from rig.hardware.errors import LimitHit, LimitRefusedError
 from rig.hardware.limits import Watch, refuse_beyond_limits
-from rig.rig_file import CalibrationSettings, LeverSettings
+from rig.settings.rig_file import CalibrationSettings, LeverSettings
 
 RATE_HZ = 8000.0
 LIMITS = LeverSettings(speed_max_mm_s=50.0)

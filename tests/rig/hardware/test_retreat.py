@@ -13,7 +13,7 @@ from rig.hardware import retreat
 from rig.hardware.daq import Card
 from rig.hardware.errors import SamplesLostError
 from rig.hardware.retreat import Retreat, bring_to_safety, commanded_by_loopback_mm, straight_mm
-from rig.rig_file import CalibrationSettings, CardSettings, LeverSettings
+from rig.settings.rig_file import CalibrationSettings, CardSettings, LeverSettings
 
 CALIBRATION = CalibrationSettings().nominal()
 

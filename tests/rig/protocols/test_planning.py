@@ -10,11 +10,11 @@ from pathlib import Path
 import pytest
 
 import rig.examples
-from rig.config import load_protocol, parse_protocol
-from rig.protocol_file import Study
 from rig.protocols.planning import plan_of
 from rig.protocols.steps import Approach, Ask, Plan, RampTo, Rest, Retract, Stay, Sweep
 from rig.protocols.studying import design
+from rig.settings.protocol_file import Study
+from rig.settings.reading import load_protocol, parse_protocol
 
 EXAMPLES = [p for p in sorted(Path(rig.examples.__file__).parent.glob("*.toml")) if "rig" not in p.stem]
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from nidaqmx.constants import AcquisitionType, RegenerationMode
 
-from sim_hardware.services import Services
+from sim_hardware.server.services import Services
 from sim_hardware.settings import BenchSettings
 
 RATE_HZ = 8000.0

@@ -8,7 +8,7 @@ import session_pb2
 from nidaqmx._stubs import nidaqmx_pb2, nidaqmx_pb2_grpc
 
 from sim_hardware.card.attributes import CHANNEL_GETTERS, DEVICE_PROPERTIES, GETTERS, SETTERS, SYSTEM
-from sim_hardware.daq_server import DaqServicer
+from sim_hardware.server.daq_server import DaqServicer
 
 CHANNEL = {"task", "physical_channel", "name_to_assign_to_channel", "min_val", "max_val"}
 FIELDS = {

@@ -5,8 +5,8 @@ import xmlrpc.client
 import pytest
 import serial
 
-from sim_hardware.balance import Balance
-from sim_hardware.stage import MICROSTEP_UM, Stage
+from sim_hardware.instruments.balance import Balance
+from sim_hardware.instruments.stage import MICROSTEP_UM, Stage
 
 
 class Line:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom, linregress
 
-from rig.protocols.calibration_lines import line_through, student_95
+from rig.calibration.lines import line_through, student_95
 
 
 def test_line_agrees_with_scipy() -> None:

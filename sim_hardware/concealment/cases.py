@@ -9,11 +9,11 @@ from typing import Literal
 
 import numpy as np
 
+from sim_hardware.concealment.knobs import ABSORBED, LIBRARY, OUTSIDE
+from sim_hardware.concealment.plans import TrialPlan, study_plans
+from sim_hardware.concealment.strength import strength
 from sim_hardware.effects import EFFECTS
-from sim_hardware.knobs import ABSORBED, LIBRARY, OUTSIDE
-from sim_hardware.plans import TrialPlan, study_plans
 from sim_hardware.settings import BenchSettings, ConstantsSettings, EffectSettings, NoiseSettings
-from sim_hardware.strength import strength
 from sim_hardware.world.specimens import finger
 
 Kind = Literal["null", "single", "pair", "outside", "absorbed"]

@@ -12,8 +12,8 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from rig.proof_figures import Figure, figures, ladder
-from rig.proof_scores import NO_MISMATCH, Outcome, Truth, all_named, all_within, spurious
+from rig.proof.figures import Figure, figures, ladder
+from rig.proof.scores import NO_MISMATCH, Outcome, Truth, all_named, all_within, spurious
 
 _UNKNOWN = "unknown"
 
@@ -84,8 +84,10 @@ def write_page(out: Path, cases: Sequence[ScoredCase], *, seed: int, trials: int
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     outcomes = [c.outcome for c in cases if c.outcome]
-    environment = Environment(loader=PackageLoader("rig", "."), autoescape=True, undefined=StrictUndefined)
-    html = environment.get_template("proof_page.html.j2").render(
+    environment = Environment(
+        loader=PackageLoader("rig.proof", "."), autoescape=True, undefined=StrictUndefined
+    )
+    html = environment.get_template("page.html.j2").render(
         figures=figures(outcomes),
         rungs=ladder(outcomes),
         cases=[_cells(c) for c in cases],

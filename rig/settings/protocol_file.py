@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from rig.rig_file import LEVER_TRAVEL_MM, Positive, Settings
+from rig.settings.rig_file import LEVER_TRAVEL_MM, Positive, Settings
 
 Finger = Literal["thumb", "index", "middle", "ring", "little"]
 Depth = Annotated[float, Field(gt=0, le=LEVER_TRAVEL_MM)]

@@ -15,9 +15,9 @@ from functools import cache
 import numpy as np
 from scipy.optimize import brentq
 
+from sim_hardware.concealment.plans import TrialPlan
 from sim_hardware.filters import LowPass
 from sim_hardware.parts import SAMPLE_RATE_HZ, FloatArray
-from sim_hardware.plans import TrialPlan
 from sim_hardware.settings import BenchSettings, ConverterSettings, EffectSettings, NoiseSettings
 from sim_hardware.world import World
 

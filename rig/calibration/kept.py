@@ -14,8 +14,8 @@ from rich.console import Console
 
 from analysis.errors import BadInputError
 from analysis.recordings.trial import Calibration
-from rig.protocols.calibration_lines import Constant, Line, student_95
-from rig.rig_file import RigFile
+from rig.calibration.lines import Constant, Line, student_95
+from rig.settings.rig_file import RigFile
 
 Which = Literal["position", "force"]
 FOLDER = "calibrations"

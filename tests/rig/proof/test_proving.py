@@ -13,10 +13,11 @@ from xmlrpc.client import Fault, ServerProxy
 import pytest
 
 from analysis.errors import BadInputError
-from rig import proof, proof_keeper
-from rig.config import load_rig
 from rig.errors import RigError
-from rig.proof_keeper import Keeper
+from rig.proof import keeper as proof_keeper
+from rig.proof import proving as proof
+from rig.proof.keeper import Keeper
+from rig.settings.reading import load_rig
 
 NULL_SEED = 3
 """The first case of every seed is a null: quick to draw."""

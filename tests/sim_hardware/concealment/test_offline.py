@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim_hardware.offline import TrialPlan, record_study, rigid_plan, study_plans
+from sim_hardware.concealment.offline import TrialPlan, record_study, rigid_plan, study_plans
 from sim_hardware.settings import BenchSettings
 
 QUIET = BenchSettings.from_toml("seed = 4\n[specimens]\npublished_tissue = true")

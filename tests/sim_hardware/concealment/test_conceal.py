@@ -5,14 +5,22 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim_hardware.cases import LIBRARY, NOISES, OUTSIDE, draw_case, draw_cases, draw_pair, true_tissue
-from sim_hardware.conceal import Keeper
+from sim_hardware.concealment.cases import (
+    LIBRARY,
+    NOISES,
+    OUTSIDE,
+    draw_case,
+    draw_cases,
+    draw_pair,
+    true_tissue,
+)
+from sim_hardware.concealment.conceal import Keeper
+from sim_hardware.concealment.knobs import ABSORBED
+from sim_hardware.concealment.plans import study_plans
+from sim_hardware.concealment.sealing import digest, seal
+from sim_hardware.concealment.strength import strength
 from sim_hardware.effects import EFFECTS, make_effect
-from sim_hardware.knobs import ABSORBED
-from sim_hardware.plans import study_plans
-from sim_hardware.sealing import digest, seal
 from sim_hardware.settings import BenchSettings, EffectSettings
-from sim_hardware.strength import strength
 
 SHORT = study_plans(depths_mm=(0.4, 0.6), repeats=1, hold_s=1.0, dwell_s=0.4)
 BENCH = BenchSettings(seed=8)

@@ -10,9 +10,9 @@ from xmlrpc.server import SimpleXMLRPCRequestHandler, SimpleXMLRPCServer
 
 import numpy as np
 
-from sim_hardware.balance import Balance
 from sim_hardware.card import Card
 from sim_hardware.card.plant import Plant
+from sim_hardware.instruments.balance import Balance
 
 BAD_REQUEST = 2
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from statistics import mean, median
 
-from rig.proof_scores import (
+from rig.proof.scores import (
     BIASED,
     NO_MISMATCH,
     Outcome,

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from pydantic import BaseModel
 
 from analysis.errors import BadInputError
-from rig.config import check_protocol_on_rig, load_rig, parse_rig
-from rig.protocol_file import Study
-from rig.rig_file import RigFile
+from rig.settings.protocol_file import Study
+from rig.settings.reading import check_protocol_on_rig, load_rig, parse_rig
+from rig.settings.rig_file import RigFile
 
 COMPANION = '[companion]\ncommand = ["x"]\n'
 

@@ -12,27 +12,27 @@ from rich.table import Table
 
 from analysis.errors import BadInputError
 from analysis.recordings import read_trial
-from rig.calibrations import (
+from rig.calibration.kept import (
     FOLDER,
     calibration_folder,
     newest_calibration,
     save_calibration,
 )
-from rig.config import check_protocol_on_rig
-from rig.engine.bench import Bench
-from rig.engine.runner import Recorded, Task
-from rig.engine.session import open_bench
-from rig.headless import load_rig_or_simulated, run_on_bench
-from rig.protocol_file import ForceCalibration, PositionCalibration
-from rig.protocols.calibration_lines import (
+from rig.calibration.lines import (
     Constant,
     Line,
     force_constants,
     position_constants,
     student_95,
 )
+from rig.commands.run import load_rig_or_simulated, run_on_bench
+from rig.engine.bench import Bench
+from rig.engine.runner import Recorded, Task
+from rig.engine.session import open_bench
 from rig.protocols.planning import plan_of
 from rig.protocols.steps import MoveStage
+from rig.settings.protocol_file import ForceCalibration, PositionCalibration
+from rig.settings.reading import check_protocol_on_rig
 
 
 def calibrate(which: Literal["position", "force"], *, rig: Path | None, out: Path | None) -> Path:

@@ -4,14 +4,14 @@ import gc
 import sys
 from concurrent.futures import ThreadPoolExecutor
 
-from sim_hardware.balance import Balance
 from sim_hardware.card import Card
-from sim_hardware.control import Bench, Control, ControlServer, order_fault
-from sim_hardware.daq_server import serve
-from sim_hardware.latency import ask_for_short_slices
-from sim_hardware.line_server import LineServer
+from sim_hardware.instruments.balance import Balance
+from sim_hardware.instruments.line_server import LineServer
+from sim_hardware.instruments.stage import Stage
+from sim_hardware.server.control import Bench, Control, ControlServer, order_fault
+from sim_hardware.server.daq_server import serve
+from sim_hardware.server.latency import ask_for_short_slices
 from sim_hardware.settings import BenchSettings
-from sim_hardware.stage import Stage
 from sim_hardware.world import World
 from sim_hardware.world.converters import Converter
 

@@ -10,8 +10,8 @@ from pathlib import Path
 from rich.console import Console
 
 from analysis.errors import BadInputError
-from rig.calibrating import calibrate
-from rig.headless import SIMULATED_RIG, run_protocol_file
+from rig.commands.calibrate import calibrate
+from rig.commands.run import SIMULATED_RIG, run_protocol_file
 
 _SURFACE = """kind = "surface_detection"
 

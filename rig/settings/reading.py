@@ -12,9 +12,9 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
 from analysis.errors import BadInputError
-from rig import protocol_file, rig_file
-from rig.protocol_file import Protocol, Study, TrialProtocol
-from rig.rig_file import RigFile
+from rig.settings import protocol_file, rig_file
+from rig.settings.protocol_file import Protocol, Study, TrialProtocol
+from rig.settings.rig_file import RigFile
 
 __all__ = ["check_protocol_on_rig", "load_protocol", "load_rig", "parse_protocol", "parse_rig"]
 

@@ -1,4 +1,4 @@
-"""Keeps what concealed benches hide until it is asked to open: `python -m sim_hardware.conceal`.
+"""Keeps what concealed benches hide until it is asked to open: `python -m sim_hardware.concealment.conceal`.
 
 `keep --cases N --seed S` draws cases and prints a JSON line a case, `{"case": 0, "seal": "..."}`, then
 `{"address": "http://127.0.0.1:PORT"}`. From then on it holds the truth in its own memory alone, hands the
@@ -47,8 +47,8 @@ class Keeper:
 
 def keep(cases: int, seed: int) -> int:
     """Draw, seal, hand out, and open when asked to."""
-    from sim_hardware.cases import draw_cases
-    from sim_hardware.sealing import seal
+    from sim_hardware.concealment.cases import draw_cases
+    from sim_hardware.concealment.sealing import seal
 
     sealed, settings = [], []
     for case in draw_cases(cases, seed):
@@ -90,7 +90,7 @@ def _say(line: dict[str, object]) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the keeper or a concealed bench; the process's exit code."""
-    parser = argparse.ArgumentParser(prog="python -m sim_hardware.conceal", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m sim_hardware.concealment.conceal", description=__doc__)
     parts = parser.add_subparsers(dest="part", required=True)
     keeping = parts.add_parser("keep", help="draw cases and keep what they hide")
     keeping.add_argument("--cases", type=int, required=True)

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from scipy.stats import norm
 
 from analysis.errors import BadInputError
-from rig import proof_scores as scores
-from rig.proof_figures import figures, ladder
-from rig.proof_page import is_right
-from rig.proof_scores import Outcome, read_truth
+from rig.proof import scores
+from rig.proof.figures import figures, ladder
+from rig.proof.page import is_right
+from rig.proof.scores import Outcome, read_truth
 
 TISSUE = {"k0_mn_per_mm": 120.0, "k1_mn_per_mm": 44.0, "tau1_s": 2.3, "k2_mn_per_mm": 35.0, "tau2_s": 0.15}
 

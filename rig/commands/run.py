@@ -9,8 +9,8 @@ from pathlib import Path
 from rich.console import Console
 
 from analysis.errors import BadInputError
-from rig.calibrations import calibration_for
-from rig.config import check_protocol_on_rig, load_protocol, load_rig
+from rig.calibration.kept import calibration_for
+from rig.commands.showing import TerminalProgress
 from rig.engine.bench import Bench
 from rig.engine.feed import Feed
 from rig.engine.interrupts import Interrupts
@@ -19,8 +19,8 @@ from rig.engine.runner import Recorded, Runner, Task
 from rig.engine.session import open_bench
 from rig.protocols.planning import plan_of
 from rig.protocols.steps import Plan
-from rig.rig_file import RigFile
-from rig.showing import TerminalProgress
+from rig.settings.reading import check_protocol_on_rig, load_protocol, load_rig
+from rig.settings.rig_file import RigFile
 
 _EXAMPLES = files("rig.examples")
 SIMULATED_RIG = "simulated_rig.toml"

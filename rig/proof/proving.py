@@ -16,11 +16,11 @@ import tomlkit
 from rich.console import Console
 
 from analysis.errors import BadInputError
+from rig.commands.run import SIMULATED_RIG, run_protocol_file
 from rig.errors import RigError
-from rig.headless import SIMULATED_RIG, run_protocol_file
-from rig.proof_keeper import Keeper, Opened
-from rig.proof_page import ScoredCase, case_data, print_tables, write_page
-from rig.proof_scores import read_truth
+from rig.proof.keeper import Keeper, Opened
+from rig.proof.page import ScoredCase, case_data, print_tables, write_page
+from rig.proof.scores import read_truth
 
 DEPTHS_MM = (0.2, 0.4, 0.6, 0.8)
 REPEATS = 5

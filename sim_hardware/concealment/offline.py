@@ -11,9 +11,9 @@ from typing import Literal
 
 import numpy as np
 
-from sim_hardware.found import FoundCalibration, found_calibration, true_calibration
+from sim_hardware.concealment.found import FoundCalibration, found_calibration, true_calibration
+from sim_hardware.concealment.plans import TrialPlan, rigid_plan, study_plans
 from sim_hardware.parts import SAMPLE_RATE_HZ, FloatArray
-from sim_hardware.plans import TrialPlan, rigid_plan, study_plans
 from sim_hardware.settings import BenchSettings
 from sim_hardware.world import Readings, World
 

@@ -15,7 +15,7 @@ from typing import IO, Any, Self
 from rig.errors import RigError
 from rig.hardware.processes import own_session
 
-MODULE = "sim_hardware.conceal"
+MODULE = "sim_hardware.concealment.conceal"
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,1 @@
+"""From calibration runs to constants that belong to a rig."""

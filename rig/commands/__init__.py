@@ -1,0 +1,1 @@
+"""The commands of `indenter` that run a bench, a file each."""

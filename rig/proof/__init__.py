@@ -1,0 +1,1 @@
+"""Conceal effects in the simulated rig, diagnose blind, open, score."""

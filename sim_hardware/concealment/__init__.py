@@ -1,0 +1,1 @@
+"""Drawing, recording and sealing benches that hide an effect."""

@@ -1,0 +1,1 @@
+"""The serial instruments of the bench: Z stage and balance."""

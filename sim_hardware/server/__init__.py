@@ -1,0 +1,1 @@
+"""What the bench offers to other processes: NI's gRPC device server and its own control service."""

@@ -10,10 +10,8 @@ kept in DIR/concealed-CODE.jsonl, CODE a digest of the analysis; the same code g
 from __future__ import annotations
 
 import argparse
-import hashlib
 import json
 import os
-import subprocess
 import sys
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor, as_completed
@@ -23,26 +21,19 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-import analysis
-from rig.proof.scores import Effect, Outcome, Truth, all_named, first_right, recoveries, spurious
+sys.path.insert(0, str(Path(__file__).parent))
 
-Row = dict[str, Any]
+from measured import Row, code_digest, diagnose, kept_rows
 
-_MEASURE = """
-import json, resource, subprocess, sys, time
-began = time.monotonic()
-ended = subprocess.run(sys.argv[1:], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
-wall_s = time.monotonic() - began
-used = resource.getrusage(resource.RUSAGE_CHILDREN)
-words = ended.stderr.strip().splitlines()
-print(json.dumps({"wall_s": wall_s, "cpu_s": used.ru_utime + used.ru_stime, "peak_mb": used.ru_maxrss / 1024,
-                  "error": (words or ["no reason given"])[-1] if ended.returncode else ""}))
-"""
+from rig.proof.recovery import recoveries
+from rig.proof.scores import EXPECTED, Effect, Outcome, Truth, first_right, is_right
 
 
 def read_truths(folder: Path) -> dict[str, Mapping[str, Any]]:
     """Return what each case conceals, by the name of its folder."""
     found: dict[str, Mapping[str, Any]] = json.loads((folder / "truth.json").read_text(encoding="utf-8"))
+    for told in found.values():
+        assert tuple(told["expected"]) == EXPECTED.get(told["kind"], ("named", "one_of")), told["expected"]
     return found
 
 
@@ -59,44 +50,8 @@ def as_truth(number: int, told: Mapping[str, Any]) -> Truth:
         for e in told["effects"]
     )
     noise = ", ".join(f"{k} {v:g}" for k, v in told["noise"].items())
-    return Truth(number, str(told["kind"]), 0.0, noise, effects, told["mean_tissue"])
-
-
-def is_right(outcome: Outcome, expected: list[str]) -> bool:
-    """Whether the verdict is one of the right ones, every law that is there is named, and nothing else is."""
-    if outcome.verdict not in expected or spurious(outcome):
-        return False
-    return outcome.truth.kind in ("null", "outside") or all_named(outcome)
-
-
-def code_digest() -> str:
-    """Return a digest of the analysis' sources: rows of one code are not those of another."""
-    digest = hashlib.sha256()
-    for path in sorted(Path(analysis.__file__).parent.rglob("*.py")):
-        digest.update(path.read_bytes())
-    return digest.hexdigest()[:8]
-
-
-def diagnose(trials: Path, out: Path, seed: int) -> Row:
-    """Diagnose one folder as a user would, in a process of its own; report, time and memory."""
-    command = [
-        sys.executable,
-        "-m",
-        "rig.cli",
-        "diagnose",
-        str(trials),
-        "--out",
-        str(out),
-        "--seed",
-        str(seed),
-    ]
-    ended = subprocess.run(
-        [sys.executable, "-c", _MEASURE, *command], capture_output=True, text=True, check=True
-    )
-    row: Row = json.loads(ended.stdout)
-    if not row["error"]:
-        row["report"] = json.loads((out / "report.json").read_text(encoding="utf-8"))
-    return row
+    skin = "living" if told["scatter"]["tissue_constants"] else "shared"
+    return Truth(number, str(told["kind"]), noise, skin, effects, told["mean_tissue"])
 
 
 def run(
@@ -111,8 +66,7 @@ def run(
     """Diagnose every case that this code has not diagnosed yet; return the rows of all asked for, by name."""
     out.mkdir(parents=True, exist_ok=True)
     path = out / f"concealed-{code_digest()}.jsonl"
-    kept = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
-    rows: dict[str, Row] = {r["name"]: r for r in kept}
+    rows: dict[str, Row] = {r["name"]: r for r in kept_rows(path)}
     truths = read_truths(folder)
     wanted = [name for name in truths if not only or name in only]
     with path.open("a") as file, ThreadPoolExecutor(processes) as pool:
@@ -146,7 +100,7 @@ def cells(row: Row) -> list[str]:
         f"{r.parameter} {r.value:.3g}±{r.se:.2g} for {r.truth:.3g}{'' if r.covered else ' (off)'}"
         for r in recoveries(outcome)
     )
-    right = "right" if is_right(outcome, told["expected"]) else "WRONG"
+    right = "right" if is_right(outcome) else "WRONG"
     if right == "WRONG" and truth.kind == "single" and first_right(outcome):
         right = "WRONG, first name right"
     return [row["name"], concealed or "nothing", f"{outcome.verdict} {said}".strip(), sizes, right, cost]

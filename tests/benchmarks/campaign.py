@@ -62,8 +62,9 @@ def specs(campaign: str, n: int, seed: int) -> list[Spec]:
         "absorbed": list(ABSORBED),
     }[campaign]
     kind = {"singles": "single", "others": "single"}.get(campaign, campaign)
-    # a name's noise moves on each time round, so that all pairs come in the end
-    return [(kind, (names[i % len(names)],), noises[(i + i // len(names)) % len(noises)]) for i in range(n)]
+    # a name's noise moves on each time round, so that every name has every noise in the end
+    turns = [divmod(i, len(names)) for i in range(n)]
+    return [(kind, (names[at],), noises[(at + turn) % len(noises)]) for turn, at in turns]
 
 
 def plans(seed: int) -> list[TrialPlan]:

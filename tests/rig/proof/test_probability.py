@@ -60,8 +60,14 @@ def test_calibrated_statements_have_hardly_any_error_and_overconfident_ones_have
     random = np.random.default_rng(seed)
     p = random.uniform(0, 1, 2000)
     right = random.random(2000) < p
-    fair = [Statement((("a", float(q)), (NONE, float(1 - q))), "a" if r else NONE) for q, r in zip(p, right, strict=True)]
-    bold = [Statement((("a", float(q**0.3)), (NONE, float(1 - q**0.3))), s.truth) for q, s in zip(p, fair, strict=True)]
+    fair = [
+        Statement((("a", float(q)), (NONE, float(1 - q))), "a" if r else NONE)
+        for q, r in zip(p, right, strict=True)
+    ]
+    bold = [
+        Statement((("a", float(q**0.3)), (NONE, float(1 - q**0.3))), s.truth)
+        for q, s in zip(p, fair, strict=True)
+    ]
     assert expected_calibration_error(fair) < 0.04
     assert expected_calibration_error(bold) > 0.15
 

@@ -80,14 +80,17 @@ def finger(
             stiffer *= math.exp(spread * draws[0])
             slower *= math.exp(spread / 2 * draws[1])
             ratio = [r * math.exp(spread / 2 * d) for r, d in zip(ratio, draws[2:], strict=True)]
+    if tissue.arms:
+        # each of a calibrated pad's arms varies as the published arm that is nearer in time
+        apart_s = math.sqrt(tissue.tau1_s * tissue.tau2_s)
+        arms = [(a.stiffness_mn_per_mm, a.time_s, ratio[a.time_s < apart_s]) for a in tissue.arms]
+    else:
+        arms = [(tissue.k1, tissue.tau1_s, ratio[0]), (tissue.k2, tissue.tau2_s, ratio[1])]
     parts = Parts(
         natural_frequency_rad_s=settings.lever.natural_frequency_rad_s,
         damping_ratio=settings.lever.damping_ratio,
         k0_mn_per_mm=tissue.k0_mn_per_mm * stiffer,
-        arms=(
-            Arm(tissue.k1 * stiffer * ratio[0], tissue.tau1_s * slower),
-            Arm(tissue.k2 * stiffer * ratio[1], tissue.tau2_s * slower),
-        ),
+        arms=tuple(Arm(k * stiffer * r, tau_s * slower) for k, tau_s, r in arms),
     )
     return SpecimenPart(f"{name}/{site}/{repeat}", name, surface_mm, parts, skin=True)
 

@@ -133,6 +133,19 @@ def _discard(given: argparse.Namespace) -> None:
         print(f"{path}: discarded ({given.reason})")
 
 
+def _fingertip(given: argparse.Namespace) -> None:
+    from analysis.fingertip import commands
+
+    if given.what == "example":
+        print(commands.write_example(given.folder))
+    else:
+        print(
+            commands.calibrate_pads(
+                given.fits, pad=given.pad, out=given.out, finger=given.finger, cache=given.cache
+            )
+        )
+
+
 def _watch(_: argparse.Namespace) -> None:
     from rig.commands.watch import watch
 
@@ -149,6 +162,7 @@ _COMMANDS: dict[str, Callable[[argparse.Namespace], int | None]] = {
     "prove": _prove,
     "rescue": _rescue,
     "discard": _discard,
+    "fingertip": _fingertip,
     "watch": _watch,
 }
 
@@ -162,6 +176,7 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     _add_bench_commands(commands)
     _add_analysis_commands(commands)
+    _add_fingertip_commands(commands)
     return parser
 
 
@@ -237,6 +252,29 @@ def _add_analysis_commands(commands: argparse._SubParsersAction[_OneLineParser])
         default=0.3,
         metavar="MN",
         help="a remainder below this, and below a tenth of the mismatch, is small; mN rms",
+    )
+
+
+def _add_fingertip_commands(commands: argparse._SubParsersAction[_OneLineParser]) -> None:
+    fingertip = commands.add_parser("fingertip", help="the finite-element finger pad")
+    parts = fingertip.add_subparsers(dest="what", required=True, metavar="PART")
+
+    example = parts.add_parser("example", help="write a pad.toml with every size and its source")
+    example.add_argument("folder", type=Path, metavar="DIR")
+
+    calibrate = parts.add_parser(
+        "calibrate", help="moduli and Prony terms of the pad, from measured relaxation"
+    )
+    calibrate.add_argument("fits", type=Path, metavar="FITS", help="fits.json or fits.csv of `indenter fit`")
+    calibrate.add_argument("--pad", type=Path, metavar="pad.toml", help="without it, the pad that ships")
+    calibrate.add_argument("--finger", help="only the trials of this finger")
+    _add_pad_folders(calibrate)
+
+
+def _add_pad_folders(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--out", type=Path, default=Path("fingertip"), metavar="OUT")
+    parser.add_argument(
+        "--cache", type=Path, metavar="DIR", help="folder of solved pads; default: the user's cache"
     )
 
 

@@ -116,7 +116,7 @@ def _prove(given: argparse.Namespace) -> None:
 
 
 def _rescue(given: argparse.Namespace) -> int:
-    from analysis.recordings.rescue import rescue_paths
+    from analysis.recordings.live.rescue import rescue_paths
 
     outcomes = rescue_paths(given.paths)
     for outcome in outcomes:

@@ -17,7 +17,7 @@ import pytest
 
 from analysis.errors import BadInputError
 from analysis.recordings import TrialWriter, read_trial
-from analysis.recordings.locking import is_locked
+from analysis.recordings.live.locking import is_locked
 from analysis.recordings.trial import Event, Phase, Surface
 
 RNG = np.random.default_rng(5)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.recordings.locking import lock
+from analysis.recordings.live.locking import lock
 
 
 class RunningFile:

@@ -28,7 +28,7 @@ from numpy.typing import ArrayLike
 from analysis.errors import BadInputError
 from analysis.recordings.checks import phases_problem
 from analysis.recordings.layout import SIGNALS
-from analysis.recordings.running_file import RunningFile
+from analysis.recordings.live.running_file import RunningFile
 from analysis.recordings.trial import (
     Calibration,
     Event,

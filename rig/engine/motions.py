@@ -105,14 +105,10 @@ class TrialMotions:
         threshold = f"{threshold_mn:.4g} mN = {threshold_mn * abs(lever.calibration.volts_per_mn):.4g} V"
         free = f"the free arm's {self._free.force_mn:.4g} mN"
         recorder.note(first, "threshold", f"contact at {threshold} above {free}")
-        start_mm = lever.commanded_mm
-        waveform = ramp_mm(start_mm, lever.limits.travel_max_mm, step.speed_mm_s, lever.sample_rate_hz)
         detector = ContactDetector(threshold_mn, step.samples_above, step.samples_watched)
         contact = _Contact(detector, self._free.force_mn)
-        playback = lever.play_until(waveform, contact, step.samples_per_read)
-        recorder.take_while_playing(playback)
-        stopped_mm = lever.halt()
-        if contact.decided is None:
+        stop = self._until_contact(step, contact)
+        if stop is None or contact.decided is None:
             raise SurfaceNotFoundError(
                 f"no contact of {threshold_mn:.3g} mN up to the travel limit of "
                 f"{lever.limits.travel_max_mm:g} mm: raise the finger, or lower contact_threshold_mn"
@@ -120,12 +116,40 @@ class TrialMotions:
         # what the card took before it was stopped shows the way there: only what follows is at rest
         recorder.take_until(max(recorder.n, lever.acquired))
         self._contact(first, contact.decided, threshold_mn)
-        stop = recorder.started(playback) + _played(waveform, start_mm, stopped_mm)
         self._still_since = stop
         assert self.surface is not None
         found = f"surface at {self.surface.position_mm:.4f} mm, overshoot {self.surface.overshoot_um:.1f} um"
         recorder.note(stop, "contact", found)
         self._say(f"{found} (threshold {threshold})")
+
+    def _until_contact(self, step: Approach, contact: _Contact) -> int | None:
+        """Approach until contact; the sample at which the arm stopped, None at the end of the travel.
+
+        An output that ran dry on the way, since the computer or the card's server stood still, stopped the
+        arm in the air: it goes on from there once every sample taken meanwhile has been looked at.
+        """
+        lever, recorder = self._lever, self._recorder
+        start_mm, waveform = self._way(step)
+        playback = lever.play_until(waveform, contact, step.samples_per_read)
+        while playback is not None:
+            recorder.take_while_playing(playback)
+            if not playback.starved:
+                stopped_mm = lever.halt()
+                return recorder.started(playback) + _played(waveform, start_mm, stopped_mm)
+            recorder.note(
+                recorder.n,
+                "paused",
+                f"the output ran dry and the arm stopped by itself at {lever.commanded_mm:.3f} mm",
+            )
+            start_mm, waveform = self._way(step)
+            playback = lever.go_on(waveform) if len(waveform) > 1 else None
+        lever.halt()
+        return contact.decided
+
+    def _way(self, step: Approach) -> tuple[float, FloatArray]:
+        """From where the arm is commanded to be, mm, to the end of the travel."""
+        start_mm, limits = self._lever.commanded_mm, self._lever.limits
+        return start_mm, ramp_mm(start_mm, limits.travel_max_mm, step.speed_mm_s, self._lever.sample_rate_hz)
 
     def _contact(self, first: int, decided: int, threshold_mn: float) -> None:
         """Work out where contact was, from the rise up to the deciding sample, and the overshoot."""

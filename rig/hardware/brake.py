@@ -51,8 +51,14 @@ class Brake:
 
     def look_for(self, seen: Callable[[Chunk], bool], recorder: Recorder, samples_per_read: int) -> None:
         """Stop the output once ``seen`` returns True; the thread reads so many samples at a time meanwhile."""
+        self.look_no_longer(recorder)
         self._usual_read_samples, recorder.read_samples = recorder.read_samples, samples_per_read
         self._seen = seen
+
+    @property
+    def looking(self) -> bool:
+        """Whether something is looked for and has not been seen yet."""
+        return self._seen is not None
 
     def look_no_longer(self, recorder: Recorder) -> None:
         """Nothing stops the output any more but its end, a limit or the program."""
@@ -88,6 +94,8 @@ class Brake:
         if seen is not None and seen(Chunk(start, block[0], block[1], command_v, self._calibration)):
             self._seen = None
             self._stop()
+        else:
+            self._drive.release(start + block.shape[1])
 
     def halt(self, recorder: Recorder) -> None:
         """Stop the output, unless that has been done, and find out where it was; see `Lever.halt`."""
@@ -153,7 +161,7 @@ class Brake:
         with self._drive.lock:
             playback, self._halted = self._halted, None
             if playback is not None and self._wired:
-                last = int(np.argmin(np.abs(playback.volts - samples[2].mean())))
+                last = int(np.argmin(np.abs(playback.sent_v - samples[2].mean())))
                 self._drive.correct_stop(last + 1, float(playback.volts[last]))
 
     def _begin_way_to_safety(self, recorder: Recorder) -> Playback:

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from rig.hardware.alignment import CommandTrack, StartFinder
 from rig.hardware.daq import Card, CardOutput
-from rig.hardware.playback import Playback
+from rig.hardware.errors import OutputStarvedError
+from rig.hardware.playback import Playback, StreamPlayback
 from rig.settings.rig_file import CardSettings
 
 FloatArray = NDArray[np.float64]
@@ -82,6 +83,63 @@ class Drive:
             expected = (not_before + acquired()) // 2
             return self._note(output, volts, not_before, expected, taken, triggered=False)
 
+    def start_stream(
+        self,
+        volts: FloatArray,
+        *,
+        lead_samples: int,
+        acquired: Callable[[], int],
+        taken: Callable[[], int],
+    ) -> Playback:
+        """Start a waveform of which the card is given ``lead_samples``; `release` gives it the rest."""
+        with self.lock:
+            first = volts[:lead_samples]
+            self._leave_safety(first)
+            s = self._settings
+            output = self._card.open_stream(
+                s.command_channel,
+                first,
+                rate_hz=s.sample_rate_hz,
+                range_v=s.range_v,
+                buffer_samples=2 * lead_samples,
+            )
+            self._output = output
+            not_before = acquired()
+            output.start()
+            expected = (not_before + acquired()) // 2
+            finder = self._find(volts, not_before, taken)
+            self._track.add(expected, first)
+            playback = StreamPlayback(
+                output,
+                volts,
+                expected_sample=expected,
+                not_before=not_before,
+                lead_samples=lead_samples,
+                finder=finder,
+                samples_read=taken,
+            )
+            self._playback = playback
+            return playback
+
+    def release(self, judged: int) -> None:
+        """Let a stream go on, now that the samples before ``judged`` were looked at and nothing was found.
+
+        One that has run dry is over: the arm stands at the last sample that was sent.
+        """
+        with self.lock:
+            playback = self._playback
+            if self._output is None or not isinstance(playback, StreamPlayback):
+                return
+            try:
+                piece = playback.release(judged)
+            except OutputStarvedError:
+                self.close()
+                playback.mark_starved()
+                self.correct_stop(len(playback.sent_v), float(playback.sent_v[-1]))
+            else:
+                if len(piece):
+                    self._track.extend(piece)
+
     def start_with_inputs(self, volts: FloatArray, *, taken: Callable[[], int]) -> Playback:
         """Load a waveform that begins with the first sample of the inputs, which are started next."""
         with self.lock:
@@ -99,7 +157,8 @@ class Drive:
             output, playback = self._output, self._playback
             if output is None or playback is None:
                 return None
-            n_played = min(max(output.generated(), 1), playback.n) if count else playback.n
+            sent = len(playback.sent_v)
+            n_played = min(max(output.generated(), 1), sent) if count else sent
             self.close()
             playback.mark_stopped()
             self.correct_stop(n_played, float(playback.volts[n_played - 1]))
@@ -133,11 +192,15 @@ class Drive:
             self._finders = [finder for finder in self._finders if finder.searching]
             self._history = np.concatenate([self._history, loopback_v])[-_HISTORY:]
 
-    def _load(self, volts: FloatArray, *, on_input_start: bool) -> CardOutput:
+    def _leave_safety(self, volts: FloatArray) -> None:
+        """Free the output for what comes next, and say that the arm is about to move."""
         self.close()
         if self._watcher is not None and not self.away:
             self._watcher.arm_away()
         self.away = True
+
+    def _load(self, volts: FloatArray, *, on_input_start: bool) -> CardOutput:
+        self._leave_safety(volts)
         s = self._settings
         self._output = self._card.open_output(
             s.command_channel,
@@ -159,15 +222,20 @@ class Drive:
         triggered: bool,
     ) -> Playback:
         """Remember what was sent and when, and look for it in the loop-back from now on."""
-        for other in self._finders:
-            other.end_at(not_before)
-        finder = None
-        if self._settings.loopback_channel is not None:
-            finder = StartFinder(volts, self._track.last_v, not_before, 2 * self._settings.range_v / 2**_BITS)
-            finder.feed(taken() - len(self._history), self._history)
-            self._finders.append(finder)
+        finder = self._find(volts, not_before, taken)
         self._track.add(expected, volts)
         self._playback = Playback(
             output, volts, expected_sample=expected, triggered=triggered, finder=finder, samples_read=taken
         )
         return self._playback
+
+    def _find(self, volts: FloatArray, not_before: int, taken: Callable[[], int]) -> StartFinder | None:
+        """Look for the start of a waveform in the loop-back from now on; None where that is not wired."""
+        for other in self._finders:
+            other.end_at(not_before)
+        if self._settings.loopback_channel is None:
+            return None
+        finder = StartFinder(volts, self._track.last_v, not_before, 2 * self._settings.range_v / 2**_BITS)
+        finder.feed(taken() - len(self._history), self._history)
+        self._finders.append(finder)
+        return finder

@@ -23,7 +23,7 @@ from rig.hardware.errors import (
     NotWiredError,
     RetreatFailedError,
 )
-from rig.hardware.limits import volts_within_limits
+from rig.hardware.limits import lead_s, volts_within_limits
 from rig.hardware.playback import Chunk, Playback
 from rig.hardware.recorder import Recorder
 from rig.hardware.retreat import (
@@ -157,20 +157,30 @@ class Lever:
 
     def play_until(
         self, waveform_mm: FloatArray, seen: Callable[[Chunk], bool], samples_per_read: int
-    ) -> Playback:
-        """Play as `play` does, and stop the output as soon as ``seen`` returns True for the samples fetched.
+    ) -> Playback | None:
+        """Play until ``seen`` returns True for the samples fetched, with the output written just ahead.
 
         The reader thread itself shows ``seen`` every block when it comes, ``samples_per_read`` samples or,
         where the computer was late, more, so that nothing stands between a sample and the stop.
-        `Playback.stopped` says that it has happened, `halt` where.
+        `Playback.stopped` says that it has happened, `halt` where. The card never holds more than the next
+        `lead_s` of the motion, given to it only after the latest samples were looked at: when program,
+        computer or card server stand still the arm stops by itself, and `Playback.starved` says so; then
+        `go_on`. None where ``seen`` was True before the arm moved.
         """
         recorder = self._recording()
         self._brake.look_for(seen, recorder, samples_per_read)
         try:
-            return self.play(waveform_mm)
+            return self._stream(waveform_mm)
         except HardwareError:
             self._brake.look_no_longer(recorder)
             raise
+
+    def go_on(self, waveform_mm: FloatArray) -> Playback | None:
+        """Begin the rest of a motion of `play_until` that starved; all samples up to now are looked at first.
+
+        None where what is looked for has been seen meanwhile: the arm then stays where it is.
+        """
+        return self._stream(waveform_mm)
 
     def record_once(self, waveform_mm: FloatArray, tail_s: float = 0.0) -> tuple[Chunk, Playback]:
         """Play a waveform and record it from its first sample, started by one trigger.
@@ -235,6 +245,22 @@ class Lever:
         if recorder is not None:
             self._drive.rest_at(self._drive.held_v)
             recorder.stop()
+
+    def _stream(self, waveform_mm: FloatArray) -> Playback | None:
+        recorder = self._recording()
+        volts = self._checked(waveform_mm)
+        speed_mm_s = float(np.abs(np.diff(waveform_mm)).max()) * self.sample_rate_hz
+        recorder.wait_for(recorder.acquired() + _AT_REST)
+        with self._drive.lock:
+            self._brake.refuse_after_limit()
+            if not self._brake.looking:
+                return None
+            return self._drive.start_stream(
+                volts,
+                lead_samples=round(lead_s(speed_mm_s) * self.sample_rate_hz),
+                acquired=recorder.acquired,
+                taken=self._taken,
+            )
 
     def _chunk(self, start: int, block: FloatArray) -> Chunk:
         """The chunk of samples (n_channels, n), V."""

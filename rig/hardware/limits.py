@@ -20,6 +20,10 @@ STEP_TOLERANCE_MM = 0.005
 _TRAVEL_MARGIN_MM = 0.2
 """The recorded position may pass the travel by this: noise, overshoot, constants not yet calibrated."""
 
+_LEAD_MM = 0.03
+_LEAD_S = (0.02, 0.03)
+"""Of a motion towards something unknown the card holds 30 um, or 20 ms where that is more: 6 mN of skin."""
+
 _PERSISTENT_SAMPLES = 4
 """A limit is hit when so many samples in a row pass it: half a millisecond, so that no single spike does."""
 
@@ -79,6 +83,12 @@ def volts_within_limits(
             "lever.travel_max_mm in rig.toml"
         )
     return volts
+
+
+def lead_s(speed_mm_s: float) -> float:
+    """How far ahead of the samples looked at the output of an approach is written, s: the arm stops within it."""
+    shortest_s, longest_s = _LEAD_S
+    return min(max(_LEAD_MM / speed_mm_s, shortest_s), longest_s)
 
 
 @dataclass

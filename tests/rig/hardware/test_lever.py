@@ -181,6 +181,7 @@ def test_an_arm_is_stopped_by_what_its_samples_show(lever: Lever, bench: Running
         return bool(chunk.position_mm[-1] > 3.0)
 
     playback = lever.play_until(way_mm(lever, 6.0, speed_mm_s=5.0), beyond_3_mm, 40)
+    assert playback is not None
     while not playback.done:
         lever.read(400)
     assert playback.stopped

@@ -8,17 +8,26 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.recordings.trial import FloatArray, Surface
-from rig.engine.errors import ContactTooEarlyError, SurfaceNotFoundError
+from rig.engine.errors import ContactLostError, ContactTooEarlyError, OvershotError, SurfaceNotFoundError
 from rig.engine.recorder import Recorder
 from rig.engine.states import State
 from rig.hardware.lever import Chunk, Lever, Playback
-from rig.protocols.contact import ContactDetector, ReleaseDetector, locate_crossing
-from rig.protocols.indenting import FREE_S
+from rig.protocols.contact import ContactDetector, LeavingDetector, ReleaseDetector, locate_crossing
+from rig.protocols.indenting import FREE_S, SKIN_MARGIN_MN
 from rig.protocols.steps import Approach, Motion, RampTo, Retract, Stay, Sweep
 from rig.protocols.waveforms import ramp_mm, there_and_back_mm
 
 POSITIONING_MM_S = 10.0
-"""Speed of a move in the air before a recording; the force is watched all the same."""
+"""Speed of a move away in the air before a recording; towards the finger it is the rig's speed of approach."""
+
+_MET = (8, 10)
+"""Something is met when so many of so many samples are above the threshold."""
+
+_MET_READ = 40
+_SHORTEST_WAY = 2
+
+_SWEEP_MARGIN_MN = 50.0
+"""Force above that of the free arm in an air sweep that no friction, weight or inertia of the arm adds."""
 
 _SETTLE_S = 0.01
 """After a stop the servo comes to rest within 2 ms; so long is its position averaged."""
@@ -107,6 +116,8 @@ class TrialMotions:
         recorder.note(first, "threshold", f"contact at {threshold} above {free}")
         detector = ContactDetector(threshold_mn, step.samples_above, step.samples_watched)
         contact = _Contact(detector, self._free.force_mn)
+        if step.force_margin_mn is not None:
+            lever.look_for_force(self._free.force_mn + threshold_mn + step.force_margin_mn)
         stop = self._until_contact(step, contact)
         if stop is None or contact.decided is None:
             raise SurfaceNotFoundError(
@@ -118,6 +129,9 @@ class TrialMotions:
         self._contact(first, contact.decided, threshold_mn)
         self._still_since = stop
         assert self.surface is not None
+        lever.look_for_force(None)
+        lever.surface_found(self.surface.position_mm)
+        self._refuse_overshoot(self.surface)
         found = f"surface at {self.surface.position_mm:.4f} mm, overshoot {self.surface.overshoot_um:.1f} um"
         recorder.note(stop, "contact", found)
         self._say(f"{found} (threshold {threshold})")
@@ -142,7 +156,7 @@ class TrialMotions:
                 f"the output ran dry and the arm stopped by itself at {lever.commanded_mm:.3f} mm",
             )
             start_mm, waveform = self._way(step)
-            playback = lever.go_on(waveform) if len(waveform) > 1 else None
+            playback = lever.go_on(waveform) if len(waveform) >= _SHORTEST_WAY else None
         lever.halt()
         return contact.decided
 
@@ -170,14 +184,36 @@ class TrialMotions:
         )
         recorder.surface(self.surface)
 
+    def _refuse_overshoot(self, surface: Surface) -> None:
+        most_um = self._lever.limits.overshoot_max_um
+        if surface.overshoot_um > most_um:
+            raise OvershotError(
+                f"the surface at {surface.position_mm:.3f} mm was overshot by {surface.overshoot_um:.0f} um, more than "
+                f"lever.overshoot_max_um = {most_um:g}: approach more slowly, close other programs, run again"
+            )
+
     def _stay(self, step: Stay) -> None:
         recorder = self._recorder
         if step.phase in _STATES:
             self._enter(_STATES[step.phase])
         recorder.begin_phase(step.phase, self._still_since)
         self._still_since += round(step.duration_s * self._lever.sample_rate_hz)
+        if step.phase == "hold" and self.surface is not None:
+            self._hold_until(self._still_since, self.surface)
         recorder.take_until(self._still_since)
         recorder.end_phase(self._still_since)
+
+    def _hold_until(self, stop: int, surface: Surface) -> None:
+        """Record up to a sample while the finger stays; ContactLostError as soon as it has left the punch."""
+        recorder = self._recorder
+        leaving = LeavingDetector(self._free.force_mn, surface.threshold_mn)
+        while recorder.n < stop:
+            chunk = recorder.take(min(recorder.read_samples, stop - recorder.n))
+            if leaving.feed(chunk.force_mn):
+                raise ContactLostError(
+                    f"the finger left the punch in the hold, {(stop - recorder.n) / self._lever.sample_rate_hz:.1f} s "
+                    "before its end: the force is that of the free arm; place the finger again, run again"
+                )
 
     def _ramp(self, step: RampTo) -> None:
         self._enter(State.RAMPING)
@@ -185,6 +221,11 @@ class TrialMotions:
         lever = self._lever
         start_mm = lever.commanded_mm
         target_mm = start_mm + step.depth_mm - self.surface.overshoot_um / 1e3
+        if target_mm <= start_mm:
+            raise OvershotError(
+                f"the surface was overshot by {self.surface.overshoot_um:.1f} um, deeper than the depth of "
+                f"{1e3 * step.depth_mm:g} um that was asked for: approach more slowly, run again"
+            )
         waveform = ramp_mm(start_mm, target_mm, step.speed_mm_s, lever.sample_rate_hz)
         self._still_since = self._play_whole("ramp", waveform)
 
@@ -221,11 +262,13 @@ class TrialMotions:
 
     def _sweep(self, step: Sweep) -> None:
         self._enter(State.SWEEPING)
-        lever = self._lever
+        lever, recorder = self._lever, self._recorder
+        recorder.take_for(_SETTLE_S)
+        lever.look_for_force(float(np.mean(recorder.force_mn)) + _SWEEP_MARGIN_MN)
         out_and_back = there_and_back_mm(step.from_mm, step.to_mm, step.speed_mm_s, lever.sample_rate_hz)
         end = self._play_whole("sweep", out_and_back)
-        self._recorder.end_phase(end)
-        self._recorder.take_for(_SETTLE_S)
+        recorder.end_phase(end)
+        recorder.take_for(_SETTLE_S)
 
     def _play_whole(self, phase: str, waveform: FloatArray) -> int:
         """Play a waveform to its end as a phase; return the sample at which it ended."""
@@ -243,23 +286,36 @@ class TrialMotions:
 def move_to(lever: Lever, position_mm: float, threshold_mn: float, check: Callable[[], None]) -> None:
     """Move in the air to a position, before a recording, watching the force.
 
-    Raises ContactTooEarlyError where the force rises by `threshold_mn` on the way; the arm is halted then.
+    Towards the finger it goes as an approach does, bounded whatever stands still. Raises ContactTooEarlyError
+    where the force rises by `threshold_mn` on the way; the arm is halted then.
     """
-    waveform = ramp_mm(lever.commanded_mm, position_mm, POSITIONING_MM_S, lever.sample_rate_hz)
-    if not len(waveform):
+    towards = position_mm > lever.commanded_mm
+    speed_mm_s = lever.limits.approach_speed_max_mm_s if towards else POSITIONING_MM_S
+
+    def way_mm() -> FloatArray:
+        return ramp_mm(lever.commanded_mm, position_mm, speed_mm_s, lever.sample_rate_hz)
+
+    waveform = way_mm()
+    if len(waveform) < _SHORTEST_WAY:
         return
     read = round(_SETTLE_S * lever.sample_rate_hz)
     lever.start_recording()
     free_mn = float(np.mean(lever.read(read).force_mn))
-    playback = lever.play(waveform)
-    while not playback.done:
-        check()
-        if float(np.mean(lever.read(read).force_mn)) - free_mn > threshold_mn:
-            stopped_mm = lever.halt()
-            raise ContactTooEarlyError(
-                f"the arm met something at {stopped_mm:.3f} mm on its way to {position_mm:.3f} mm: "
-                "clear the way, or let the approach start earlier (surface.start_mm)"
-            )
+    met = _Contact(ContactDetector(threshold_mn, *_MET), free_mn)
+    lever.look_for_force(free_mn + threshold_mn + SKIN_MARGIN_MN)
+    playback = lever.play_until(waveform, met, _MET_READ)
+    while playback is not None:
+        while not playback.done:
+            check()
+            lever.read(read)
+        waveform = way_mm()
+        playback = lever.go_on(waveform) if playback.starved and len(waveform) >= _SHORTEST_WAY else None
+    stopped_mm = lever.halt()
+    if met.decided is not None:
+        raise ContactTooEarlyError(
+            f"the arm met something at {stopped_mm:.3f} mm on its way to {position_mm:.3f} mm: "
+            "clear the way, or let the approach start earlier (surface.start_mm)"
+        )
     lever.stop_recording()
 
 

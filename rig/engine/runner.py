@@ -94,6 +94,7 @@ class Runner:
             # a run before this one may have left the arm anywhere, and hands come under it now
             with self._interrupts.shielded():
                 self._bench.lever.retreat()
+                self._bench.lever.prove()
             for number, task in enumerate(tasks, start=1):
                 self._snapshot = replace(self._snapshot, trial=task.trial.name, trial_number=number)
                 recorded.append(self._run_trial(task))
@@ -116,9 +117,10 @@ class Runner:
         self._enter(State.POSITIONING)
         self._say("")
         try:
-            self._go_to_start(trial)
+            # the file first: to make room for a long trial takes seconds, in which the arm need not be away
             with self._open(task, prepared) as writer, Filing(writer) as filing:
                 try:
+                    self._go_to_start(trial)
                     self._record(trial, writer, filing)
                 finally:
                     filing.end()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Callable
 from typing import Protocol
@@ -13,6 +14,7 @@ from rig.hardware.alignment import CommandTrack, StartFinder
 from rig.hardware.daq import Card, CardOutput
 from rig.hardware.errors import OutputStarvedError
 from rig.hardware.playback import Playback, StreamPlayback
+from rig.hardware.retreat import Bearings
 from rig.settings.rig_file import CardSettings
 
 FloatArray = NDArray[np.float64]
@@ -27,11 +29,17 @@ _BITS = 16
 class ArmWatcher(Protocol):
     """Whoever must know when the arm leaves the safe position and when it is back."""
 
-    def arm_away(self) -> None:
-        """The arm is about to move."""
+    def arm_away(self, low_v: float, high_v: float, safe_v: float) -> None:
+        """The arm is about to move; its output lies between these until the next word, and is safe at the last."""
 
     def arm_safe(self) -> None:
         """The arm rests at the safe position."""
+
+    def beat(self, who: str) -> None:
+        """The engine, or the reader, is alive."""
+
+    def check(self) -> None:
+        """Raise GuardError where the watcher itself is dead or silent."""
 
 
 class Drive:
@@ -41,9 +49,12 @@ class Drive:
     while the output changes, and nobody waits for samples under it.
     """
 
-    def __init__(self, card: Card, settings: CardSettings, watcher: ArmWatcher | None) -> None:
+    def __init__(self, card: Card, settings: CardSettings, watcher: ArmWatcher | None, safe_v: float) -> None:
         self.lock = threading.RLock()
         self.away = False
+        self.safe_v = safe_v
+        """The output at which the arm is safe: by the constants, or where it was found to be so, V."""
+        self._range_v = (float("nan"), float("nan"))
         self._card = card
         self._settings = settings
         self._watcher = watcher
@@ -52,6 +63,22 @@ class Drive:
         self._playback: Playback | None = None
         self._finders: list[StartFinder] = []
         self._history: FloatArray = np.empty(0)
+
+    @property
+    def bearings(self) -> Bearings | None:
+        """What is known of the output while nobody can ask the card; None before anything was sent."""
+        low_v, high_v = self._range_v
+        return None if math.isnan(low_v) else Bearings(low_v, high_v, self.safe_v)
+
+    def beat(self, who: str) -> None:
+        """Say that the engine, or the reader, is alive."""
+        if self._watcher is not None:
+            self._watcher.beat(who)
+
+    def check_watcher(self) -> None:
+        """Raise GuardError where the watcher is dead or silent."""
+        if self._watcher is not None:
+            self._watcher.check()
 
     @property
     def held_v(self) -> float:
@@ -94,7 +121,7 @@ class Drive:
         """Start a waveform of which the card is given ``lead_samples``; `release` gives it the rest."""
         with self.lock:
             first = volts[:lead_samples]
-            self._leave_safety(first)
+            self._leave_safety(volts)
             s = self._settings
             output = self._card.open_stream(
                 s.command_channel,
@@ -195,9 +222,13 @@ class Drive:
     def _leave_safety(self, volts: FloatArray) -> None:
         """Free the output for what comes next, and say that the arm is about to move."""
         self.close()
-        if self._watcher is not None and not self.away:
-            self._watcher.arm_away()
+        self._range_v = (
+            min(self.held_v, float(volts.min())),
+            max(self.held_v, float(volts.max())),
+        )
         self.away = True
+        if self._watcher is not None:
+            self._watcher.arm_away(*self._range_v, self.safe_v)
 
     def _load(self, volts: FloatArray, *, on_input_start: bool) -> CardOutput:
         self._leave_safety(volts)

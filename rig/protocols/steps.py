@@ -42,9 +42,9 @@ class Rest:
 
 @dataclass(frozen=True, slots=True)
 class Approach:
-    """Move towards the skin until contact: one finite ramp that ends at the travel limit.
+    """Move towards the skin until contact, at most to the travel limit.
 
-    The threshold counts from the force of the free arm, in millinewtons or, where `threshold_v` is given,
+    A force of `force_margin_mn` above the threshold, where given, reverses the arm at once. The threshold counts from the force of the free arm, in millinewtons or, where `threshold_v` is given,
     in volts of the force signal. Before recording, the arm goes to `start_mm`, or to `short_of_previous_mm`
     short of the contact found last in this run.
     """
@@ -55,6 +55,7 @@ class Approach:
     samples_watched: int
     samples_per_read: int
     threshold_v: float | None = None
+    force_margin_mn: float | None = None
     start_mm: float | None = None
     short_of_previous_mm: float | None = None
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import logging
 import os
+import platform
 from collections.abc import Iterator, Sequence
 from types import TracebackType
 from typing import Self
@@ -78,7 +79,8 @@ class Card:
 
     def __init__(self, address: str, device: str, owner: str = "indenter") -> None:
         self.device = device
-        self._owner = owner
+        # of this computer: another one's tasks on the same server are not this one's to end
+        self._owner = f"{owner}-{platform.node() or 'here'}"
         self._channel: grpc.Channel | None = None
         if address:
             self._channel = open_channel(address)

@@ -44,8 +44,9 @@ class Rest:
 class Approach:
     """Move towards the skin until contact, at most to the travel limit.
 
-    A force of `force_margin_mn` above the threshold, where given, reverses the arm at once. The threshold counts from the force of the free arm, in millinewtons or, where `threshold_v` is given,
-    in volts of the force signal. Before recording, the arm goes to `start_mm`, or to `short_of_previous_mm`
+    A force of `force_margin_mn` above the threshold, where given, reverses the arm at once. The threshold
+    counts from the force of the free arm, in millinewtons or, where `threshold_v` is given, in volts of the
+    force signal. Before recording, the arm goes to `start_mm`, or to `short_of_previous_mm`
     short of the contact found last in this run.
     """
 

@@ -9,6 +9,10 @@ class SurfaceNotFoundError(RigError):
     """The approach ended without contact."""
 
 
+class FilingError(RigError):
+    """A trial could not be written to its end; what was recorded is kept, or said to be lost."""
+
+
 class OvershotError(RigError):
     """The surface was overshot by too much for a trial to begin there."""
 

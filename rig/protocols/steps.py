@@ -114,6 +114,13 @@ class PlannedTrial:
         """Time this trial is expected to take, s, its preparations and rest included."""
         return sum(expected_duration_s(step) for step in (*self.preparations, *self.motions)) + OVERHEAD_S
 
+    def longest_s(self, travel_mm: float) -> float:
+        """Time that is recorded at most, s, where an approach goes over the whole travel."""
+        return sum(
+            travel_mm / motion.speed_mm_s if isinstance(motion, Approach) else expected_duration_s(motion)
+            for motion in self.motions
+        )
+
 
 OVERHEAD_S = 1.0
 """Start of the recording and the way back to the safe position."""

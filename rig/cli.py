@@ -78,6 +78,13 @@ def _calibrate(given: argparse.Namespace) -> None:
     print(calibrate(given.which, rig=given.rig, out=given.out))
 
 
+def _safe(given: argparse.Namespace) -> None:
+    from rig.commands.safe import make_safe
+
+    done = make_safe(given.rig)
+    print(f"the arm is clear: moved from {done.from_mm:.2f} to {done.to_mm:.2f} mm")
+
+
 def _import(given: argparse.Namespace) -> None:
     from analysis.recordings.importing import import_files
 
@@ -156,6 +163,7 @@ _COMMANDS: dict[str, Callable[[argparse.Namespace], int | None]] = {
     "demo": _demo,
     "run": _run,
     "calibrate": _calibrate,
+    "safe": _safe,
     "import": _import,
     "fit": _fit,
     "diagnose": _diagnose,
@@ -204,6 +212,9 @@ def _add_bench_commands(commands: argparse._SubParsersAction[_OneLineParser]) ->
     calibrate.add_argument(
         "--out", type=Path, metavar="DIR", help="folder of calibrations; default: the one the rig file names"
     )
+
+    safe = commands.add_parser("safe", help="take the card of a run that died and clear the arm")
+    safe.add_argument("--rig", type=Path, metavar="RIG.toml", help=rig_help)
 
     discard = commands.add_parser("discard", help="mark trials as no good; their files stay")
     discard.add_argument("files", type=Path, nargs="+", metavar="FILE")

@@ -78,6 +78,13 @@ def _calibrate(given: argparse.Namespace) -> None:
     print(calibrate(given.which, rig=given.rig, out=given.out))
 
 
+def _safe(given: argparse.Namespace) -> None:
+    from rig.commands.safe import make_safe
+
+    done = make_safe(given.rig)
+    print(f"the arm is clear: moved from {done.from_mm:.2f} to {done.to_mm:.2f} mm")
+
+
 def _import(given: argparse.Namespace) -> None:
     from analysis.recordings.importing import import_files
 
@@ -116,7 +123,7 @@ def _prove(given: argparse.Namespace) -> None:
 
 
 def _rescue(given: argparse.Namespace) -> int:
-    from analysis.recordings.rescue import rescue_paths
+    from analysis.recordings.live.rescue import rescue_paths
 
     outcomes = rescue_paths(given.paths)
     for outcome in outcomes:
@@ -133,6 +140,19 @@ def _discard(given: argparse.Namespace) -> None:
         print(f"{path}: discarded ({given.reason})")
 
 
+def _fingertip(given: argparse.Namespace) -> None:
+    from analysis.fingertip import commands
+
+    if given.what == "example":
+        print(commands.write_example(given.folder))
+    else:
+        print(
+            commands.calibrate_pads(
+                given.fits, pad=given.pad, out=given.out, finger=given.finger, cache=given.cache
+            )
+        )
+
+
 def _watch(_: argparse.Namespace) -> None:
     from rig.commands.watch import watch
 
@@ -143,12 +163,14 @@ _COMMANDS: dict[str, Callable[[argparse.Namespace], int | None]] = {
     "demo": _demo,
     "run": _run,
     "calibrate": _calibrate,
+    "safe": _safe,
     "import": _import,
     "fit": _fit,
     "diagnose": _diagnose,
     "prove": _prove,
     "rescue": _rescue,
     "discard": _discard,
+    "fingertip": _fingertip,
     "watch": _watch,
 }
 
@@ -162,6 +184,7 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     _add_bench_commands(commands)
     _add_analysis_commands(commands)
+    _add_fingertip_commands(commands)
     return parser
 
 
@@ -189,6 +212,9 @@ def _add_bench_commands(commands: argparse._SubParsersAction[_OneLineParser]) ->
     calibrate.add_argument(
         "--out", type=Path, metavar="DIR", help="folder of calibrations; default: the one the rig file names"
     )
+
+    safe = commands.add_parser("safe", help="take the card of a run that died and clear the arm")
+    safe.add_argument("--rig", type=Path, metavar="RIG.toml", help=rig_help)
 
     discard = commands.add_parser("discard", help="mark trials as no good; their files stay")
     discard.add_argument("files", type=Path, nargs="+", metavar="FILE")
@@ -237,6 +263,29 @@ def _add_analysis_commands(commands: argparse._SubParsersAction[_OneLineParser])
         default=0.3,
         metavar="MN",
         help="a remainder below this, and below a tenth of the mismatch, is small; mN rms",
+    )
+
+
+def _add_fingertip_commands(commands: argparse._SubParsersAction[_OneLineParser]) -> None:
+    fingertip = commands.add_parser("fingertip", help="the finite-element finger pad")
+    parts = fingertip.add_subparsers(dest="what", required=True, metavar="PART")
+
+    example = parts.add_parser("example", help="write a pad.toml with every size and its source")
+    example.add_argument("folder", type=Path, metavar="DIR")
+
+    calibrate = parts.add_parser(
+        "calibrate", help="moduli and Prony terms of the pad, from measured relaxation"
+    )
+    calibrate.add_argument("fits", type=Path, metavar="FITS", help="fits.json or fits.csv of `indenter fit`")
+    calibrate.add_argument("--pad", type=Path, metavar="pad.toml", help="without it, the pad that ships")
+    calibrate.add_argument("--finger", help="only the trials of this finger")
+    _add_pad_folders(calibrate)
+
+
+def _add_pad_folders(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--out", type=Path, default=Path("fingertip"), metavar="OUT")
+    parser.add_argument(
+        "--cache", type=Path, metavar="DIR", help="folder of solved pads; default: the user's cache"
     )
 
 

@@ -33,14 +33,32 @@ class _Frozen(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True)
 
 
+class ArmSettings(_Frozen):
+    """A Maxwell arm of the tissue."""
+
+    stiffness_mn_per_mm: float = Field(gt=0, le=1e5)
+    time_s: float = Field(gt=0, le=1e4)
+
+
 class TissueSettings(_Frozen):
-    """Constants of the finger pad; the published ones by default, with k1 and k2 in proportion to k0."""
+    """Constants of the finger pad; the published ones by default, with k1 and k2 in proportion to k0.
+
+    ``arms``, any number of them, stand in place of both published arms: the relaxation of a calibrated
+    finite-element pad.
+    """
 
     k0_mn_per_mm: float = Field(default=120.0, gt=0, le=1e5)
     k1_mn_per_mm: float | None = Field(default=None, ge=0, le=1e5)
     tau1_s: float = Field(default=2.279, gt=0, le=1e4)
     k2_mn_per_mm: float | None = Field(default=None, ge=0, le=1e5)
     tau2_s: float = Field(default=0.149, gt=0, le=1e4)
+    arms: tuple[ArmSettings, ...] = Field(default=(), strict=False)
+
+    @model_validator(mode="after")
+    def _either(self) -> Self:
+        if self.arms and not (self.k1_mn_per_mm is None and self.k2_mn_per_mm is None):
+            raise ValueError("arms stand in place of k1_mn_per_mm and k2_mn_per_mm: give one or the other")
+        return self
 
     @property
     def k1(self) -> float:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from analysis.errors import BadInputError
-from analysis.recordings.draft import Draft, trial_of
+from analysis.recordings.importers.draft import Draft, trial_of
 from analysis.recordings.layout import FORMAT
 from analysis.recordings.trial import Kind, Trial
 from analysis.recordings.writing import check_trial, write_trial
@@ -40,11 +40,11 @@ def read_drafts(file: Path, kind: Kind) -> list[Draft]:
     _check_file(file)
     ending = file.suffix.lower()
     if ending == ".ddf":
-        from analysis.recordings.import_ddf import read_ddf
+        from analysis.recordings.importers.ddf import read_ddf
 
         return [read_ddf(file, kind)]
     if ending == ".csv":
-        from analysis.recordings.import_csv import read_csv
+        from analysis.recordings.importers.csv_text import read_csv
 
         return [read_csv(file, kind)]
     if ending == ".dpf":
@@ -53,7 +53,7 @@ def read_drafts(file: Path, kind: Kind) -> list[Draft]:
         )
     if ending == ".h5" and FORMAT.encode() in file.read_bytes():
         raise BadInputError(f"{file}: is a trial file already: use it as it is")
-    from analysis.recordings.import_afm import read_afm
+    from analysis.recordings.importers.afm import read_afm
 
     return read_afm(file, kind)
 

@@ -12,7 +12,7 @@ from typing import Protocol
 from analysis.recordings import TrialHeader, TrialWriter
 from analysis.recordings.trial import Specimen
 from rig.engine.bench import Bench
-from rig.engine.filing import Filing
+from rig.engine.filing import Filing, TrialFile
 from rig.engine.interrupts import Interrupts
 from rig.engine.motions import TrialMotions, move_to
 from rig.engine.preparing import Preparations, Prepared
@@ -21,13 +21,15 @@ from rig.engine.recorder import Recorder
 from rig.engine.states import State, StateMachine
 from rig.hardware.errors import RetreatFailedError
 from rig.hardware.lever import Chunk
-from rig.protocols.steps import Approach, Plan, PlannedTrial, Rest, Sweep
+from rig.protocols.steps import Approach, Plan, PlannedTrial, Sweep
 
 _SHOW_EVERY_S = 0.25
 """While samples come, progress is shown no more often than this, s of the wall clock."""
 
-_ROOM = 1.5
-"""Room reserved in a file, as a multiple of the samples expected."""
+_ROOM_S = 30.0
+"""Room reserved in a file beyond the longest that the trial's motions can take: pauses of a busy computer, s.
+
+All of it is reserved before the arm moves, since nothing may be rewritten while the punch is in the skin."""
 
 _FREE_WAY_MN = 10.0
 """Force that stops a move where only air is expected and the approach says nothing better."""
@@ -94,6 +96,7 @@ class Runner:
             # a run before this one may have left the arm anywhere, and hands come under it now
             with self._interrupts.shielded():
                 self._bench.lever.retreat()
+                self._bench.lever.prove()
             for number, task in enumerate(tasks, start=1):
                 self._snapshot = replace(self._snapshot, trial=task.trial.name, trial_number=number)
                 recorded.append(self._run_trial(task))
@@ -116,9 +119,10 @@ class Runner:
         self._enter(State.POSITIONING)
         self._say("")
         try:
-            self._go_to_start(trial)
-            with self._open(task, prepared) as writer, Filing(writer) as filing:
+            # the file first: to make room for a long trial takes seconds, in which the arm need not be away
+            with TrialFile(self._open(task, prepared)) as writer, Filing(writer) as filing:
                 try:
+                    self._go_to_start(trial)
                     self._record(trial, writer, filing)
                 finally:
                     filing.end()
@@ -192,10 +196,9 @@ class Runner:
             specimen=self._specimen(trial),
             log=(f"recorded by indenter as {trial.name}", *prepared.words),
         )
-        seconds = trial.expected_s - sum(
-            step.since_last_s if isinstance(step, Rest) else step.expected_s for step in trial.preparations
-        )
-        return TrialWriter(task.path, header, round(_ROOM * seconds * lever.sample_rate_hz))
+        travel_mm = lever.limits.travel_max_mm - lever.limits.travel_min_mm
+        room_s = trial.longest_s(travel_mm) + _ROOM_S
+        return TrialWriter(task.path, header, round(room_s * lever.sample_rate_hz), grow=False)
 
     def _specimen(self, trial: PlannedTrial) -> Specimen:
         """Return the specimen with the rest it has had, where it is tissue and was pressed before."""

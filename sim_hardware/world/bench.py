@@ -81,6 +81,7 @@ class World:
         self._contact = Contact(parts, self._step_s)
         self._tip_mm = self._servo.position_mm
         self._force_mn = 0.0
+        self._largest_force_mn = 0.0
         self._surface_before = self._specimen.surface_mm
         self.inverted = False
         self.hung_mass_g = 0.0
@@ -160,6 +161,11 @@ class World:
             command_v=self._command_v,
             time_s=self.time_s,
         )
+
+    def largest_force_mn(self) -> float:
+        """Return the largest true force on the punch since the last call, mN; counting begins anew."""
+        largest_mn, self._largest_force_mn = self._largest_force_mn, self._force_mn
+        return largest_mn
 
     def truth(self) -> dict[str, object]:
         """Return what was drawn and what is under the arm, for tests and scoring only."""
@@ -272,6 +278,7 @@ class World:
             self._surface_before = float(surface[-1])
             self._tip_mm = float(block.fine_tip_mm[-1])
             self._force_mn = float(block.fine_force_mn[-1])
+            self._largest_force_mn = max(self._largest_force_mn, float(block.fine_force_mn.max()))
             self._command_v = float(command_v[-1])
         return block
 

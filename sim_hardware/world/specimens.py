@@ -84,7 +84,7 @@ class Solid(TypedDict):
 
 
 def tissue(settings: BenchSettings, name: str, site: str) -> Solid:
-    """Return spring and arms of a finger at a site, slow arm first; lognormal over sites, of unit mean."""
+    """Return spring and arms of a finger at a site; lognormal over sites, of unit mean."""
     about, given = settings.specimens, settings.tissue
     stiffer, slower = 1.0, 1.0
     ratio = [1.0, 1.0]
@@ -102,12 +102,15 @@ def tissue(settings: BenchSettings, name: str, site: str) -> Solid:
         stiffer *= factors[0]
         ratio = [r * f for r, f in zip(ratio, factors[1:3], strict=True)]
         times = factors[3:]
+    if given.arms:
+        # each of a calibrated pad's arms varies as the published arm that is nearer in time
+        apart_s = math.sqrt(given.tau1_s * given.tau2_s)
+        arms = [(a.stiffness_mn_per_mm, a.time_s, int(a.time_s < apart_s)) for a in given.arms]
+    else:
+        arms = [(given.k1, given.tau1_s, 0), (given.k2, given.tau2_s, 1)]
     return Solid(
         k0_mn_per_mm=given.k0_mn_per_mm * stiffer,
-        arms=(
-            Arm(given.k1 * stiffer * ratio[0], given.tau1_s * slower * times[0]),
-            Arm(given.k2 * stiffer * ratio[1], given.tau2_s * slower * times[1]),
-        ),
+        arms=tuple(Arm(k * stiffer * ratio[i], tau_s * slower * times[i]) for k, tau_s, i in arms),
     )
 
 

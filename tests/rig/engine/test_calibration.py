@@ -38,6 +38,7 @@ class WorldPlayback:
     waveform_v: FloatArray
     lever: WorldLever
     alignment_unknown: bool = False
+    starved: bool = False
 
     @property
     def n(self) -> int:
@@ -94,6 +95,15 @@ class WorldLever:
     ) -> WorldPlayback:
         self.seen, self.samples_per_read = seen, samples_per_read
         return self.play(waveform_mm)
+
+    def prove(self) -> None:
+        pass
+
+    def look_for_force(self, force_mn: float | None) -> None:
+        pass
+
+    def surface_found(self, position_mm: float) -> None:
+        pass
 
     def read(self, n: int) -> Chunk:
         start, blocks = self.read_so_far, []

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.errors import BadInputError
-from analysis.recordings.draft import Draft, even_grid, even_rate_hz, one_phase, refuse_dead_signals
+from analysis.recordings.importers.draft import Draft, even_grid, even_rate_hz, one_phase, refuse_dead_signals
 from analysis.recordings.trial import FloatArray, Kind, NativeSamples, Phase, ProtocolSummary
 
 _HEIGHTS = ("height (measured)", "height (piezo)")

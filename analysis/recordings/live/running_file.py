@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import threading
 from io import FileIO
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.recordings.locking import lock
+from analysis.recordings.live.locking import lock
 
 
 class RunningFile:
@@ -26,11 +27,14 @@ class RunningFile:
         self._turn = threading.Lock()
         self._file: FileIO = path.open("rb+", buffering=0)
         lock(self._file)
+        self._size = os.fstat(self._file.fileno()).st_size
 
     def write(self, dataset: str, values: NDArray[Any], first: int = 0) -> None:
         """Write rows of a dataset, the first of them row `first`; they are the system's when it returns."""
         view = values.view(np.uint8).data
         with self._turn:
+            if os.fstat(self._file.fileno()).st_size < self._size:
+                raise OSError(errno.EIO, "another program has cut the file while it was written")
             self._file.seek(self._offsets[dataset] + values.itemsize * first, os.SEEK_SET)
             while view:
                 view = view[self._file.write(view) :]

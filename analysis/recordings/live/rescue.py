@@ -12,9 +12,9 @@ from typing import Literal
 import numpy as np
 
 from analysis.errors import BadInputError
-from analysis.recordings.cut_files import bytes_missing, read_cut_file
 from analysis.recordings.folders import find_trials
-from analysis.recordings.locking import is_locked
+from analysis.recordings.live.cut_files import bytes_missing, read_cut_file
+from analysis.recordings.live.locking import is_locked
 from analysis.recordings.motion import SMEAR_S, Stretch, moves_and_rests, phases_from_motion
 from analysis.recordings.opening import HDF5_ERRORS
 from analysis.recordings.reading import read_trial

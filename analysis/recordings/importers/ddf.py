@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from analysis.errors import BadInputError
-from analysis.recordings.ddf_header import (
+from analysis.recordings.importers.ddf_header import (
     UNITS,
     DdfHeader,
     calibration_of,
@@ -23,8 +23,8 @@ from analysis.recordings.ddf_header import (
     unit_problems,
     unknown_actions,
 )
-from analysis.recordings.draft import Draft, one_phase, refuse_dead_signals
-from analysis.recordings.dual_mode import find_modes
+from analysis.recordings.importers.draft import Draft, one_phase, refuse_dead_signals
+from analysis.recordings.importers.dual_mode import find_modes
 from analysis.recordings.motion import phases_from_motion
 from analysis.recordings.trial import FloatArray, Kind, ProtocolSummary
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from analysis.errors import BadInputError
-from analysis.recordings.draft import Draft, even_grid, even_rate_hz, one_phase, refuse_dead_signals
+from analysis.recordings.importers.draft import Draft, even_grid, even_rate_hz, one_phase, refuse_dead_signals
 from analysis.recordings.motion import phases_from_motion
 from analysis.recordings.trial import FloatArray, Kind, NativeSamples
 

@@ -6,12 +6,15 @@ as plain bytes at known offsets inside those datasets. A process that is killed 
 in the system's page cache, and the structure was never half-changed, so that any HDF5 program opens the
 file at any moment; what is not written yet is NaN. Signals that outgrow their capacity, and anything that
 changes the structure, go through a whole new file that takes the old one's place in one step; chunks go on
-being written to the old one until then.
+being written to the old one until then. Where the skin was found is such plain bytes as well, in a dataset of
+the running file alone, so that nothing is rewritten while the punch is in the skin.
 """
 
 from __future__ import annotations
 
+import errno
 import sys
+import tempfile
 import threading
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -27,8 +30,8 @@ from numpy.typing import ArrayLike
 
 from analysis.errors import BadInputError
 from analysis.recordings.checks import phases_problem
-from analysis.recordings.layout import SIGNALS
-from analysis.recordings.running_file import RunningFile
+from analysis.recordings.layout import RUNNING_SURFACE, SIGNALS
+from analysis.recordings.live.running_file import RunningFile
 from analysis.recordings.trial import (
     Calibration,
     Event,
@@ -46,13 +49,14 @@ from analysis.recordings.writing import (
     event_rows,
     phase_rows,
     replacing,
+    surface_row,
     writable,
     write_attributes,
     write_trial,
 )
 
 _PHASE_ROWS = 32
-_EVENT_ROWS = 128
+_EVENT_ROWS = 512
 _MESSAGE_BYTES = 240
 _COPY_SAMPLES = 1 << 20
 
@@ -84,11 +88,20 @@ class TrialWriter:
     `max_samples` is the capacity reserved at once; a longer trial moves to a file of twice the capacity.
     As a context manager it finishes as ``aborted`` on an exception. Every append is on its way to disk
     when it returns. One thread may append while another does the rest, up to `finish`: no append waits
-    for a change of the structure that the other makes. Raises BadInputError where the file exists already
-    or can't be made.
+    for a change of the structure that the other makes. With ``grow`` off a trial that outgrows what was
+    reserved is refused (OSError) instead of moved. Raises BadInputError where the file exists already or
+    can't be made.
     """
 
-    def __init__(self, path: Path, header: TrialHeader, max_samples: int, *, commanded: bool = True) -> None:
+    def __init__(
+        self,
+        path: Path,
+        header: TrialHeader,
+        max_samples: int,
+        *,
+        commanded: bool = True,
+        grow: bool = True,
+    ) -> None:
         self.path = Path(path)
         self.header = header
         self.n_samples = 0
@@ -98,6 +111,7 @@ class TrialWriter:
         self._log = header.log
         self._names = SIGNALS if commanded else SIGNALS[:2]
         self._capacity = max(1, int(max_samples))
+        self._grow = grow
         self._event_capacity = _EVENT_ROWS
         self._file: RunningFile | None = None
         # who takes both takes the first one first
@@ -115,6 +129,8 @@ class TrialWriter:
         if not all(np.isfinite(chunk).all() for chunk in chunks):
             raise ValueError("a chunk holds NaN or infinite samples")
         if self.n_samples + n > self._capacity:
+            if not self._grow:
+                raise OSError(errno.EFBIG, f"the trial is longer than the {self._capacity} samples reserved")
             self._restructure(max(2 * self._capacity, self.n_samples + n))
         with self._appending:
             file = self._running()
@@ -156,7 +172,7 @@ class TrialWriter:
         """Say where the skin was found."""
         with self._shaping:
             self.surface = surface
-            self._restructure()
+            self._running().write(RUNNING_SURFACE, surface_row(surface))
 
     def add_log(self, line: str) -> None:
         """Add a line to the log; it is written when the trial is finished."""
@@ -173,17 +189,30 @@ class TrialWriter:
             self._close()
             self.path.unlink(missing_ok=True)
             raise BadInputError(f"{self.path}: nothing was recorded, no file is left: start the trial again")
-        channels = {name: file.read(name, 0, self.n_samples) for name in self._names}
-        trial = replace(
-            self._trial(status, reason),
-            position_v=channels["position_v"],
-            force_v=channels["force_v"],
-            command_v=channels.get("command_v"),
-            phases=_cut(self.phases, self.n_samples),
-        )
-        self._close()
-        write_trial(self.path, trial)
+        try:
+            channels = {name: file.read(name, 0, self.n_samples) for name in self._names}
+            trial = replace(
+                self._trial(status, reason),
+                position_v=channels["position_v"],
+                force_v=channels["force_v"],
+                command_v=channels.get("command_v"),
+                phases=_cut(self.phases, self.n_samples),
+            )
+            self._write_finished(trial)
+        finally:
+            self._close()
         return self.path
+
+    def _write_finished(self, trial: Trial) -> None:
+        """Write the file whole; where its folder is gone meanwhile, another that is kept instead."""
+        try:
+            write_trial(self.path, trial)
+        except BadInputError as error:
+            if self.path.parent.is_dir():
+                raise
+            kept = Path(tempfile.gettempdir()) / f"{self.path.stem}-{trial.trial_id[:8]}.h5"
+            write_trial(kept, replace(trial, status="aborted", status_reason=str(error)))
+            raise BadInputError(f"{self.path}: its folder is gone: the trial was kept as {kept}") from error
 
     def __enter__(self) -> TrialWriter:
         return self
@@ -279,6 +308,7 @@ class TrialWriter:
             file["phases"] = phase_rows(self.phases, _PHASE_ROWS)
             events = [_shortened(event) for event in self.events]
             file["events"] = event_rows(events, self._event_capacity, _MESSAGE_BYTES)
+            file[RUNNING_SURFACE] = surface_row(self.surface)
             for name in self._names:
                 dataset = file["signals"].create_dataset(name, (capacity,), dtype="<f8")
                 for start in range(0, capacity, _COPY_SAMPLES):
@@ -286,6 +316,7 @@ class TrialWriter:
                     dataset[start:stop] = np.full(stop - start, np.nan)
             file.flush()
             datasets = {name: file["signals"][name] for name in self._names}
+            datasets[RUNNING_SURFACE] = file[RUNNING_SURFACE]
             datasets |= {"phases": file["phases"], "events": file["events"]}
             return {name: int(dataset.id.get_offset()) for name, dataset in datasets.items()}
 

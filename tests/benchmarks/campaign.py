@@ -78,13 +78,15 @@ def plans(seed: int) -> list[TrialPlan]:
 
 def drawn(number: int, spec: Spec, skin: str, seed: int, kept: Path) -> Row:
     """Draw a case's truth, or take it as it was drawn before: to tell strengths is half the work."""
-    if not kept.exists():
-        kind, names, noise = spec
-        case = draw_case(number, kind, names, noise, skin, seed=seed, plans=plans(seed))  # type: ignore[arg-type]
-        kept.parent.mkdir(parents=True, exist_ok=True)
-        kept.write_text(json.dumps(case.truth()))
-    truth: Row = json.loads(kept.read_text())
-    return truth
+    kind, names, noise = spec
+    if kept.exists():
+        truth: Row = json.loads(kept.read_text())
+        if (truth["kind"], tuple(h["name"] for h in truth["hidden"]), truth["noise"]) == spec:
+            return truth
+    case = draw_case(number, kind, names, noise, skin, seed=seed, plans=plans(seed))  # type: ignore[arg-type]
+    kept.parent.mkdir(parents=True, exist_ok=True)
+    kept.write_text(json.dumps(case.truth()))
+    return drawn(number, spec, skin, seed, kept)
 
 
 def record(truth: Row, folder: Path) -> None:

@@ -116,6 +116,16 @@ def mark_discarded(path: Path, reason: str) -> None:
             file.attrs["discarded"] = reason
 
 
+def take_back_discarded(path: Path) -> None:
+    """Take back that a trial was marked as discarded; one that was not stays as it is."""
+    if not read_trial(path).discarded:
+        return
+    with replacing(Path(path)) as part:
+        shutil.copyfile(path, part)
+        with h5py.File(part, "r+") as file:
+            del file.attrs["discarded"]
+
+
 @contextmanager
 def replacing(path: Path, *, exclusive: bool = False, finished: bool = True) -> Iterator[Path]:
     """Yield the name of a file to write beside `path`; on success it takes that place, whole.

@@ -215,6 +215,8 @@ class Runner:
         n = None
         try:
             for motion in trial.motions:
+                if isinstance(motion, Approach):
+                    telling.approaches(motion, lever.calibration)
                 motions.do(motion)
                 telling.found(motions.surface)
             n = recorder.n

@@ -7,13 +7,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from analysis.recordings.trial import Surface
+from analysis.recordings.trial import Calibration, Surface
 from rig.engine.audience import Audience
 from rig.engine.control import Control
 from rig.engine.progress import Countdown, Snapshot
 from rig.engine.states import State, StateMachine
 from rig.engine.tasks import Ended, Task
 from rig.hardware.lever import Chunk
+from rig.protocols.steps import Approach
 
 _SHOW_EVERY_S = 0.25
 """While samples come, progress is shown no more often than this, s of the wall clock."""
@@ -72,6 +73,12 @@ class Telling:
     def spend(self, seconds: float) -> None:
         """Count bench time used."""
         self.countdown.use(seconds)
+
+    def approaches(self, step: Approach, calibration: Calibration) -> None:
+        """Show the force, above that of the free arm, at which this approach is to end."""
+        volts = step.threshold_v
+        threshold_mn = step.threshold_mn if volts is None else volts / abs(calibration.volts_per_mn)
+        self.change(threshold_mn=threshold_mn)
 
     def found(self, surface: Surface | None) -> None:
         """Show where the surface was found."""

@@ -116,14 +116,13 @@ def mark_discarded(path: Path, reason: str) -> None:
             file.attrs["discarded"] = reason
 
 
-def take_back_discarded(path: Path) -> None:
-    """Take back that a trial was marked as discarded; one that was not stays as it is."""
-    if not read_trial(path).discarded:
-        return
+def take_back_discard(path: Path) -> None:
+    """Count a trial again that was marked as discarded; the recording stays as it is."""
+    read_trial(path)
     with replacing(Path(path)) as part:
         shutil.copyfile(path, part)
         with h5py.File(part, "r+") as file:
-            del file.attrs["discarded"]
+            file.attrs.pop("discarded", None)
 
 
 @contextmanager

@@ -10,7 +10,7 @@ from pathlib import Path
 from analysis.errors import BadInputError
 from analysis.recordings import TrialHeader, TrialWriter, mark_discarded
 from analysis.recordings.trial import Specimen
-from analysis.recordings.writing import take_back_discarded
+from analysis.recordings.writing import take_back_discard
 from rig.engine.agenda import Agenda
 from rig.engine.attempts import planned_name
 from rig.engine.audience import PATIENCE_S, Audience, Observer
@@ -165,7 +165,7 @@ class Runner:
                     mark_discarded(path, errand.reason)
                     telling.ended(Ended(planned_name(path.stem), path.name, "discarded", errand.reason))
                 else:
-                    take_back_discarded(path)
+                    take_back_discard(path)
                     telling.ended(Ended(planned_name(path.stem), path.name, "complete", "kept after all"))
             except (BadInputError, OSError) as error:
                 telling.say(f"{errand.do}: {' '.join(str(error).split())}")

@@ -105,7 +105,7 @@ def palette_of(theme: Theme) -> QPalette:
     for names, colour in (
         ((role.Window,), theme.window),
         ((role.Base,), theme.ground),
-        ((role.AlternateBase, role.Button, role.ToolTipBase, role.Midlight), theme.raised),
+        ((role.AlternateBase, role.Button, role.ToolTipBase, role.Midlight, role.Light), theme.raised),
         (
             (role.WindowText, role.Text, role.ButtonText, role.ToolTipText, role.BrightText),
             theme.text,

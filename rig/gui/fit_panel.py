@@ -202,6 +202,8 @@ class FitPanel(QWidget):
 
     def _take(self, paths: list[str], rows: list[TrialFit]) -> None:
         self.know(dict(zip(paths, rows, strict=True)))
+        for path, row in zip(paths, rows, strict=True):
+            self.fitted.emit(Path(path), row)
 
     def _draw(self) -> None:
         picture = self._picture

@@ -221,7 +221,9 @@ class LivePlot(QWidget):
 
 def phases_between(marks: Sequence[Mark], start: int, stop: int, newest: int) -> list[tuple[int, int, str]]:
     """Return the phases that lie between two samples: first sample, the one after the last, name."""
-    ends = [mark.index for mark in marks[1:]] + [newest]
+    if not marks:
+        return []
+    ends = [*(mark.index for mark in marks[1:]), newest]
     return [
         (mark.index, end, mark.name)
         for mark, end in zip(marks, ends, strict=True)

@@ -147,6 +147,8 @@ def _style_sheet(theme: Theme) -> str:
         QLineEdit[faulty="true"] {{ border: 2px solid {theme.bad}; }}
         QPushButton {{ border: 1px solid {theme.line}; border-radius: 3px; padding: 4px 12px;
             background: {theme.raised}; }}
+        QCheckBox::indicator:unchecked {{ width: 12px; height: 12px; border: 1px solid {theme.faint};
+            background: {theme.ground}; }}
         QPushButton:hover {{ border-color: {theme.accent}; }}
         QPushButton:pressed {{ background: {theme.line}; }}
         QPushButton:disabled {{ color: {theme.faint}; }}

@@ -57,7 +57,7 @@ def expected_calibration_error(said: Iterable[Statement]) -> float:
     """Return the mean distance, over the statements, of a probability from how often it was right.
 
     Every name of every statement counts, in ten bins of equal width (Naeini, Cooper and Hauskrecht 2015). With n
-    names in all it is not zero even where all is well: about 0.4 sqrt(bins p (1 - p) / n).
+    statements it is not zero even where all is well: about 0.3 sqrt(10 / n), where all probabilities are as likely.
     """
     pairs = [(p, name == s.truth) for s in said for name, p in s.probabilities if name != NONE]
     if not pairs:

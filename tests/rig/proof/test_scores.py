@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from analysis.errors import BadInputError
@@ -121,6 +121,7 @@ NAMES = st.sampled_from("abcdxyz")
 SETS = st.lists(st.lists(NAMES, min_size=1, max_size=3, unique=True).map(tuple), max_size=4)
 
 
+@settings(deadline=None)
 @given(st.sets(NAMES, min_size=1, max_size=3), SETS, st.sampled_from(["named", "one_of", "unknown"]))
 def test_the_scores_agree_with_each_other(names: set[str], sets: list[tuple[str, ...]], verdict: str) -> None:
     """Whatever is said: all named implies all within; wrong and alone excludes a right first name; and so on."""
@@ -140,6 +141,7 @@ def test_the_scores_agree_with_each_other(names: set[str], sets: list[tuple[str,
         assert score(shuffled) == score(outcome)  # the order decides nothing but the first name
 
 
+@settings(deadline=None)
 @given(SETS)
 def test_naming_what_is_there_is_right_and_naming_more_is_not(more: list[tuple[str, ...]]) -> None:
     exactly = opened(said("named", ("p",), ("q", "r")), "p", "q")
@@ -147,6 +149,7 @@ def test_naming_what_is_there_is_right_and_naming_more_is_not(more: list[tuple[s
     assert is_right(opened(said("named", ("p",), ("q", "r"), *more), "p", "q")) == (not more)
 
 
+@settings(deadline=None)
 @given(st.floats(0.5, 20.0), st.floats(0.01, 2.0))
 def test_an_interval_is_1_96_standard_errors(value: float, se: float) -> None:
     report = said("named", ("a",))

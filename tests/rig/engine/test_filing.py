@@ -99,7 +99,11 @@ def test_a_full_disk_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(writer, "append", full)
-    with pytest.raises(FilingError, match=r"No space left.*indenter rescue"), writer, Filing(writer) as filing:
+    with (
+        pytest.raises(FilingError, match=r"No space left.*indenter rescue"),
+        writer,
+        Filing(writer) as filing,
+    ):
         filing.keep(chunk(0))
         deadline = time.monotonic() + 5
         while time.monotonic() < deadline:

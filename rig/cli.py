@@ -139,6 +139,12 @@ def _watch(_: argparse.Namespace) -> None:
     watch()
 
 
+def _gui(given: argparse.Namespace) -> int:
+    from rig.gui.app import open_window
+
+    return open_window(given.rig)
+
+
 _COMMANDS: dict[str, Callable[[argparse.Namespace], int | None]] = {
     "demo": _demo,
     "run": _run,
@@ -150,6 +156,7 @@ _COMMANDS: dict[str, Callable[[argparse.Namespace], int | None]] = {
     "rescue": _rescue,
     "discard": _discard,
     "watch": _watch,
+    "gui": _gui,
 }
 
 
@@ -198,6 +205,11 @@ def _add_bench_commands(commands: argparse._SubParsersAction[_OneLineParser]) ->
     rescue.add_argument("paths", type=Path, nargs="+", metavar="FILE|DIR")
 
     commands.add_parser("watch", help="follow the run in progress: state, time left, position and force")
+
+    gui = commands.add_parser("gui", help="the bench window: live signals, study, calibration, trials")
+    gui.add_argument(
+        "--rig", type=Path, metavar="RIG.toml", help="the rig file; without it, the last one used"
+    )
 
     prove = commands.add_parser("prove", help="conceal effects in the simulated rig, diagnose blind, score")
     prove.add_argument("--cases", type=_at_least(1), default=12, metavar="N")

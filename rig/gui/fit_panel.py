@@ -174,7 +174,7 @@ class FitPanel(QWidget):
         height = measure.height() + 6
         table.verticalHeader().setDefaultSectionSize(height)
         table.verticalHeader().setMinimumSectionSize(height)
-        table.setFixedHeight(height * len(_ROWS) + header.sizeHint().height() + 4)
+        table.setFixedHeight(height * len(_ROWS) + header.sizeHint().height() + 14)
         for i, (_, title, unit, tip) in enumerate(_ROWS):
             item = QTableWidgetItem(f"{title}, {unit}" if unit else title)
             item.setToolTip(tip)
@@ -202,6 +202,8 @@ class FitPanel(QWidget):
 
     def _take(self, paths: list[str], rows: list[TrialFit]) -> None:
         self.know(dict(zip(paths, rows, strict=True)))
+        for path, row in zip(paths, rows, strict=True):
+            self.fitted.emit(Path(path), row)
 
     def _draw(self) -> None:
         picture = self._picture

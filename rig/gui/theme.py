@@ -131,6 +131,7 @@ def restyle_plot(plot: Any, theme: Theme) -> None:
         axis = item.getAxis(side)
         axis.setPen(theme.line)
         axis.setTextPen(theme.text)
+        axis.enableAutoSIPrefix(False)  # the label names its unit: "(x0.001)" behind it misleads
     item.titleLabel.setAttr("color", theme.text)
     if item.legend is not None:
         item.legend.setLabelTextColor(theme.text)

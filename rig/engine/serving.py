@@ -127,7 +127,7 @@ class Session:
             _log.error("%s", said)
             self._snapshot = replace(self._snapshot, error=said)
         except KeyboardInterrupt as stopped:
-            self._snapshot = replace(self._snapshot, message=str(stopped))
+            self._snapshot = replace(self._snapshot, message=str(stopped), error="")
         self._show(
             replace(self._snapshot, state=State.IDLE, prompt=None, pausing=False, file="", rest_left_s=0.0)
         )

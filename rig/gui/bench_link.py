@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -31,7 +31,7 @@ class BenchLink(QObject):
     """Pulls 30 times a second what the bench shows: samples into `bins`, snapshots into `state`.
 
     `changed` comes when the state has, `frame` at every turn of the timer, `said` with a line for the log
-    (and its kind: "", "good", "note" or "bad"), `opened` once a bench answers.
+    (and its kind: "", "good", "note", "bad", or "done" for what an abort did), `opened` once a bench answers.
     """
 
     changed = Signal(object)
@@ -74,7 +74,7 @@ class BenchLink(QObject):
             self._tell(BenchState(link="died", rig=name, trouble=f"{error}"))
             self.said.emit(f"the rig's program could not be started: {error}", "bad")
             return
-        self.bins = None
+        self.bins, self._aborted_at = None, None
         self.said.emit(f"connecting to {name} ({path})", "")
         self._tell(BenchState(link="opening", rig=name))
 
@@ -105,8 +105,7 @@ class BenchLink(QObject):
             return
         request_id = self._process.ask(do, **more)
         self._asked[request_id] = (do, time.monotonic())
-        details = ", ".join(f"{key} {value}" for key, value in more.items() if key != "prompt")
-        self.said.emit(f"asked: {do.replace('_', ' ')} {details}".strip(), "")
+        self.said.emit(_asked_words(do, more), "")
         self._tell(replace(self.state, asked=self.state.asked | {do}))
 
     def abort(self) -> None:
@@ -115,6 +114,8 @@ class BenchLink(QObject):
             self.said.emit("abort: no rig is connected, nothing moves", "note")
             return
         request_id = self._process.ask("stop")
+        if self._aborted_at is not None:
+            return  # pressed again: sent again, and said once
         self._asked[request_id] = ("abort", time.monotonic())
         if self.state.running:
             self._aborted_at = time.monotonic()
@@ -205,7 +206,7 @@ class BenchLink(QObject):
                 self.said.emit(
                     f"abort: done, the arm rests at the safe position; {now.trial or 'the run'} is kept as "
                     f"aborted ({took_ms:.0f} ms)",
-                    "good",
+                    "done",
                 )
         elif now.state in {State.FINISHED, State.STOPPED, State.FAILED}:
             self.said.emit(f"{now.title}: {now.state} {now.message}".rstrip(), "")
@@ -250,4 +251,7 @@ class BenchLink(QObject):
             self.changed.emit(state)
 
 
-Abort = Callable[[], None]
+def _asked_words(do: str, more: Mapping[str, Any]) -> str:
+    """Return what was asked for, for the log."""
+    told = [f"{value}" for key, value in more.items() if key not in {"prompt", "do"} and value is not None]
+    return f"asked: {do.replace('_', ' ')} {', '.join(told)}".strip()

@@ -42,7 +42,6 @@ class KeyFilter(QObject):
         self._abort = abort
         self._asked = asked
         self._answer = answer
-        self._last_esc = -1
 
     def eventFilter(self, _watched: QObject, event: QEvent) -> bool:  # noqa: N802
         """Take Esc and Enter where they are meant for the bench."""
@@ -52,9 +51,8 @@ class KeyFilter(QObject):
         ):
             return False
         if event.key() == Qt.Key.Key_Escape and self._running():
-            # a menu or a field may take the first of the two events for itself
-            if not event.isAutoRepeat() and event.timestamp() != self._last_esc:
-                self._last_esc = event.timestamp()
+            # of the two events of one key a menu or a field may take the first for itself: both abort
+            if not event.isAutoRepeat():
                 self._abort()
             event.accept()
             return True

@@ -51,6 +51,7 @@ class Readouts(QWidget):
         self._depth = words("", "faint")
         self._volts = QCheckBox("volts")
         self._volts.setToolTip("show the signals as sampled, in volts")
+        self._volts.setFocusPolicy(Qt.FocusPolicy.TabFocus)
         self._volts.toggled.connect(self.volts_wanted)
         self._next = words("", "heading")
         self._what = words("", "")

@@ -19,6 +19,7 @@ from rig.gui.theme import LIGHT, Theme
 
 RAIL_WIDTH = 90
 _SUCCESS_MS = 5000
+_STAY = frozenset({"bad", "done"})
 
 
 class Shell(QWidget):
@@ -40,7 +41,7 @@ class Shell(QWidget):
         self._rail.setContentsMargins(4, 6, 4, 6)
         self._rail.setSpacing(4)
         self._rail.addStretch(1)
-        rail = QWidget()
+        rail = self._rail_widget = QWidget()
         rail.setFixedWidth(RAIL_WIDTH)
         rail.setLayout(self._rail)
         self._status = QLabel()
@@ -100,21 +101,22 @@ class Shell(QWidget):
         self._column.setVisible(name in self._beside)
         for button in self._buttons.buttons():
             button.setChecked(button.property("page") == name)
+        self.pages[name].setFocus()
         self.page_shown.emit(name)
 
     def tell(self, line: str, kind: str) -> None:
-        """Show a message: failures stay until they are put away, others for five seconds."""
-        if self._status.property("kind") == "bad" and kind != "bad" and self._status.text():
+        """Show a message: failures (bad) and what an abort did (done) stay until they are put away."""
+        if self._status.property("kind") in _STAY and kind not in _STAY:
             return
         self._status.setProperty("kind", kind)
         self._status.setText(line)
         self._status.setToolTip(line)
         t = self._theme
-        colour = {"good": t.good, "note": t.note, "bad": t.bad}.get(kind, t.text)
-        weight = "bold" if kind == "bad" else "normal"
+        colour = {"good": t.good, "done": t.good, "note": t.note, "bad": t.bad}.get(kind, t.text)
+        weight = "bold" if kind in _STAY else "normal"
         self._status.setStyleSheet(f"color: {colour}; font-weight: {weight};")
-        self._dismiss.setVisible(kind == "bad")
-        if kind == "bad":
+        self._dismiss.setVisible(kind in _STAY)
+        if kind in _STAY:
             self._fading.stop()
         else:
             self._fading.start(_SUCCESS_MS)
@@ -128,6 +130,13 @@ class Shell(QWidget):
     def restyle(self, theme: Theme) -> None:
         """Take the theme's colours."""
         self._theme = theme
+        self._rail_widget.setStyleSheet(
+            f"QToolButton {{ background: transparent; border: 1px solid transparent; border-radius: 4px; }}"
+            f"QToolButton:hover {{ border-color: {theme.line}; }}"
+            f"QToolButton:focus {{ border: 2px solid {theme.accent}; }}"
+            f"QToolButton:checked {{ background: {theme.raised}; border-left: 4px solid {theme.accent};"
+            " font-weight: bold; }"
+        )
         self.header.restyle(theme)
         self.banner.restyle(theme)
 

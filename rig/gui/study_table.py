@@ -50,8 +50,8 @@ class StudyRow:
 _COLUMNS: tuple[tuple[str, str], ...] = (
     ("#", "place in the order of the run"),
     ("finger", "finger, or what is pressed"),
-    ("depth mm", "depth below the detected surface"),
-    ("repeat", "repeat of the same finger and depth"),
+    ("mm", "depth below the detected surface, mm"),
+    ("rep.", "repeat of the same finger and depth"),
     ("state", "what became of it"),
     ("A0 mN", "elastic force of the fit"),
     ("t1 s", "slow relaxation time of the fit"),

@@ -131,9 +131,12 @@ def restyle_plot(plot: Any, theme: Theme) -> None:
         axis = item.getAxis(side)
         axis.setPen(theme.line)
         axis.setTextPen(theme.text)
+        axis.enableAutoSIPrefix(False)  # the label names its unit: "(x0.001)" behind it misleads
     item.titleLabel.setAttr("color", theme.text)
     if item.legend is not None:
         item.legend.setLabelTextColor(theme.text)
+        for _, label in item.legend.items:
+            label.setText(label.text, color=theme.text)
 
 
 def _style_sheet(theme: Theme) -> str:
@@ -159,6 +162,7 @@ def _style_sheet(theme: Theme) -> str:
         QLabel[role="note"] {{ color: {theme.note}; }}
         QLabel[role="faint"] {{ color: {theme.faint}; }}
         QLabel[role="heading"] {{ font-size: 13pt; font-weight: bold; }}
+        QLabel[role="strong"] {{ font-weight: bold; }}
         QToolTip {{ color: {theme.text}; background: {theme.raised}; border: 1px solid {theme.line}; }}
         QHeaderView::section {{ background: {theme.raised}; color: {theme.text}; padding: 3px 6px; border: 0;
             border-right: 1px solid {theme.line}; }}

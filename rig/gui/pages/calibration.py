@@ -173,6 +173,8 @@ class CalibrationPage(QWidget):
             say(self._running, f"{name} calibration: accept it?", "heading")
         elif state.running and s.state is not State.IDLE:
             say(self._running, f"{name} calibration: {s.trial_number} of {s.n_trials}, {s.state}", "heading")
+        elif s.state is State.FINISHED:
+            say(self._running, f"{name} calibration: working it out", "heading")
         else:
             say(self._running, f"{name} calibration ended early; nothing was changed", "heading")
         if shown.constants:
@@ -197,7 +199,7 @@ class CalibrationPage(QWidget):
         unit = "V/mm" if shown.kind == "position" else "V/mN"
         r2 = 1 - np.sum(residuals_mv**2) / np.sum((1e3 * (y - y.mean())) ** 2)
         self._line_words.setText(
-            f"{len(x)} points   slope {slope:.6g} {unit}   residual {np.std(residuals_mv):.2f} mV rms   R² {r2:.7f}"
+            f"{len(x)} points   slope {slope:.6g} {unit}   residual {np.std(residuals_mv):.2f} mV rms   R² {r2:.8f}"
         )
 
     def _fill(self, shown: CalibrationShown) -> None:

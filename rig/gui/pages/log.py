@@ -44,7 +44,12 @@ class LogPage(QWidget):
     def add(self, line: str, kind: str = "") -> None:
         """Add a line; `kind` is one of the looks of words (good, note, bad)."""
         self._log.info("%s%s", f"{kind}: " if kind else "", line)
-        colours = {"good": self._theme.good, "note": self._theme.note, "bad": self._theme.bad}
+        colours = {
+            "good": self._theme.good,
+            "done": self._theme.good,
+            "note": self._theme.note,
+            "bad": self._theme.bad,
+        }
         text = f"{datetime.now():%H:%M:%S}  {escape(line)}"
         colour = colours.get(kind, self._theme.text)
         self.view.appendHtml(f'<span style="color:{colour}">{text}</span>')

@@ -159,7 +159,7 @@ class ProtocolPage(QWidget):
         bar.addWidget(button("&Open …", self._ask_file, tip="open a protocol file", key="Ctrl+O"))
         bar.addWidget(self._menu_button("Re&cent", "protocols used lately", self._fill_recent))
         bar.addWidget(button("&Save", self.save, tip="save the file", key="Ctrl+S"))
-        bar.addWidget(button("Save &as …", self.save_as, tip="save under another name", key="Ctrl+Shift+S"))
+        bar.addWidget(button("Save &as …", self.save_as, tip="save under another name"))
         bar.addStretch(1)
         bar.addWidget(self._run_button)
         self._text = QPlainTextEdit()

@@ -34,7 +34,7 @@ from rig.protocols.steps import Plan
 from rig.settings.rig_file import RigFile
 
 _REASONS = ("the finger moved", "the finger slipped", "wrong place", "bad contact", "talked or laughed")
-_WIDTHS = (36, 70, 70, 52, 96, 62, 52, 58)
+_WIDTHS = (34, 62, 48, 40, 94, 60, 46, 46)
 
 
 class StudyPage(QWidget):
@@ -270,8 +270,8 @@ class StudyPage(QWidget):
 
     def _build(self) -> None:
         row = QHBoxLayout()
-        row.addWidget(self._title, 1)
         row.addWidget(self.by_bench)
+        row.addStretch(1)
         row.addWidget(button("Protocol ...", self.choose_protocol, tip="choose the protocol file of a study"))
         row.addWidget(
             button("Folder ...", self.choose_folder, tip="where the trials go; or a study to go on with")
@@ -279,8 +279,9 @@ class StudyPage(QWidget):
         left = QWidget()
         column = QVBoxLayout(left)
         column.setContentsMargins(6, 4, 4, 4)
-        column.addLayout(row)
+        column.addWidget(self._title)
         column.addWidget(self._folder)
+        column.addLayout(row)
         column.addWidget(self._view, 1)
         column.addWidget(self._bar)
         below = QHBoxLayout()
@@ -292,6 +293,7 @@ class StudyPage(QWidget):
         self.splitter.addWidget(self.fit_panel)
         self.splitter.setStretchFactor(0, 3)
         self.splitter.setStretchFactor(1, 2)
+        self.splitter.setSizes([570, 380])
         self.splitter.setChildrenCollapsible(False)
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)

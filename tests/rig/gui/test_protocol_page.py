@@ -23,7 +23,7 @@ from rig.gui.worker import Worker
 from rig.settings.reading import load_protocol, parse_protocol
 from rig.settings.rig_file import LeverSettings, RigFile
 
-LONG_MS = 60_000
+LONG_MS = 180_000
 
 
 @pytest.mark.parametrize("kind", kinds())

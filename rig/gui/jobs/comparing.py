@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 
 from analysis.errors import BadInputError
 from analysis.recordings.folders import find_trials
-from analysis.recordings.locking import is_locked
+from analysis.recordings.live.locking import is_locked
 from analysis.recordings.reading import read_trial
 from analysis.recordings.trial import FloatArray
 from analysis.simulation.cells import CellTrial, reduce_trial

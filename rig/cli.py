@@ -15,6 +15,19 @@ from rig.errors import RigError
 EXIT_OK, EXIT_RUN_FAILED, EXIT_BAD_INPUT, EXIT_INTERRUPTED = 0, 1, 2, 130
 
 
+_IMPORT_HELP = """Turn recordings of other programs into trial files, and say what was found.
+
+.ddf (Aurora DMC), AFM files, and tables: .csv, .txt, .tsv, .xlsx, .xls, .ods. A table has a column each for
+  time      in us, ms, s, min or h
+  position  in nm, um, mm, cm, m or in, positive into the specimen
+  force     in pN, nN, uN, mN, N, kN, gf or kgf, positive in compression
+  command   commanded position, optional
+A header such as "Force (N)" is understood by itself; otherwise say it:
+  --column force="Channel 3" --unit force=-N      (the minus: compression is negative there)
+A column may be given by its number, from 1. Tables of several trials, and what differs from file to file, stand
+in a mapping file, which README shows."""
+
+
 class _OneLineParser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         self.exit(EXIT_BAD_INPUT, f"{self.prog}: {message} (see {self.prog} --help)\n")
@@ -85,15 +98,27 @@ def _safe(given: argparse.Namespace) -> None:
     print(f"the arm is clear: moved from {done.from_mm:.2f} to {done.to_mm:.2f} mm")
 
 
-def _import(given: argparse.Namespace) -> None:
-    from analysis.recordings.importing import import_files
+def _import(given: argparse.Namespace) -> int:
+    from analysis.recordings.importers.instructions import Instructions, read_mapping, said_on_command_line
+    from rig.commands.importing import import_and_show
 
-    for path in import_files(given.files, given.out, given.kind):
-        print(path)
+    said = said_on_command_line(
+        given.column,
+        given.unit,
+        given.sheet,
+        finger=given.finger,
+        depth_mm=given.depth,
+        ramp_speed_mm_s=given.speed,
+        punch_diameter_mm=given.punch,
+    )
+    mapped = read_mapping(given.mapping) if given.mapping is not None else Instructions()
+    made = import_and_show(given.files, given.out, kind=given.kind, said=mapped.over(said), plot=given.plot)
+    return EXIT_OK if made else EXIT_BAD_INPUT
 
 
 def _fit(given: argparse.Namespace) -> None:
     from analysis.relaxation.batch import fit_paths
+    from analysis.relaxation.screen import show_fits
 
     page = fit_paths(
         given.paths,
@@ -103,6 +128,8 @@ def _fit(given: argparse.Namespace) -> None:
         dask=given.dask,
         intervals=given.intervals,
         joint=given.joint,
+        exponent=given.exponent,
+        show=show_fits,
     )
     print(page)
 
@@ -159,6 +186,12 @@ def _watch(_: argparse.Namespace) -> None:
     watch()
 
 
+def _gui(given: argparse.Namespace) -> int:
+    from rig.gui.app import open_window
+
+    return open_window(given.rig)
+
+
 _COMMANDS: dict[str, Callable[[argparse.Namespace], int | None]] = {
     "demo": _demo,
     "run": _run,
@@ -172,6 +205,7 @@ _COMMANDS: dict[str, Callable[[argparse.Namespace], int | None]] = {
     "discard": _discard,
     "fingertip": _fingertip,
     "watch": _watch,
+    "gui": _gui,
 }
 
 
@@ -225,6 +259,11 @@ def _add_bench_commands(commands: argparse._SubParsersAction[_OneLineParser]) ->
 
     commands.add_parser("watch", help="follow the run in progress: state, time left, position and force")
 
+    gui = commands.add_parser("gui", help="the bench window: live signals, study, calibration, trials")
+    gui.add_argument(
+        "--rig", type=Path, metavar="RIG.toml", help="the rig file; without it, the last one used"
+    )
+
     prove = commands.add_parser("prove", help="conceal effects in the simulated rig, diagnose blind, score")
     prove.add_argument("--cases", type=_at_least(1), default=12, metavar="N")
     prove.add_argument("--seed", type=_at_least(0), default=0, metavar="S")
@@ -232,18 +271,42 @@ def _add_bench_commands(commands: argparse._SubParsersAction[_OneLineParser]) ->
 
 
 def _add_analysis_commands(commands: argparse._SubParsersAction[_OneLineParser]) -> None:
-    from analysis.recordings.trial import Kind
+    from analysis.recordings.trial import FINGERS, Kind
 
-    importing = commands.add_parser("import", help="turn .ddf, .csv and AFM files into trial files")
-    importing.add_argument("files", type=Path, nargs="+", metavar="FILE")
+    importing = commands.add_parser(
+        "import",
+        help="turn .ddf, .csv, .xlsx and AFM files into trial files",
+        description=_IMPORT_HELP,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    importing.add_argument("files", type=Path, nargs="+", metavar="FILE|DIR")
     importing.add_argument("--out", type=Path, required=True, metavar="DIR")
     importing.add_argument(
-        "--kind", choices=get_args(Kind), metavar="KIND", help="what was done, where known"
+        "--kind", choices=get_args(Kind), metavar="KIND", help=f"what was done: {', '.join(get_args(Kind))}"
     )
+    importing.add_argument(
+        "--column", action="append", default=[], metavar="QUANTITY=NAME", help="which column is which"
+    )
+    importing.add_argument(
+        "--unit", action="append", default=[], metavar="QUANTITY=UNIT", help="a unit; -N turns the sign"
+    )
+    importing.add_argument("--sheet", metavar="NAME", help="of a spreadsheet that has several")
+    importing.add_argument("--mapping", type=Path, metavar="FILE.toml", help="all of this for a folder")
+    importing.add_argument("--finger", choices=FINGERS, metavar="FINGER", help=", ".join(FINGERS))
+    importing.add_argument("--depth", type=_positive, metavar="MM", help="depth of the protocol")
+    importing.add_argument("--speed", type=_positive, metavar="MM/S", help="speed of its ramp")
+    importing.add_argument("--punch", type=_positive, metavar="MM", help="diameter of the punch")
+    importing.add_argument("--plot", action="store_true", help="a picture of each trial with its phases")
 
     fit = commands.add_parser("fit", help="fit the relaxation of every trial: tables, figures, a page")
     fit.add_argument("paths", type=Path, nargs="+", metavar="FILE|DIR")
     fit.add_argument("--model", choices=("ramp", "step"), default="ramp")
+    fit.add_argument(
+        "--exponent",
+        type=_positive,
+        metavar="P",
+        help="force grows as depth to this power (1 flat punch, 1.5 sphere, 2 cone); default: as loading shows",
+    )
     fit.add_argument("--out", type=Path, default=Path("fits"), metavar="DIR")
     fit.add_argument("--jobs", type=_at_least(1), metavar="N", help="processes at a time")
     fit.add_argument("--intervals", action="store_true", help="profile intervals of every trial as well")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -29,12 +30,14 @@ def optional_attributes(path: Path, file: Any, name: str) -> dict[str, Any]:
         return attributes_in(path, group, f"/{name}") if isinstance(group, h5py.Group) else {}
 
 
-def attributes_in(path: Path, group: Any, name: str) -> dict[str, Any]:
-    """Return the declared attributes of a group, checked, defaults filled in."""
+def attributes_in(path: Path, group: Any, name: str, only: Collection[str] | None = None) -> dict[str, Any]:
+    """Return the declared attributes of a group (``only`` those named), checked, defaults filled in."""
     stored = group.attrs
-    present = set(stored)
+    present = set(stored) if only is None else {wanted for wanted in only if wanted in stored}
     values: dict[str, Any] = {}
     for attribute in attributes_of(name):
+        if only is not None and attribute.name not in only:
+            continue
         if attribute.name in present:
             with access(path, attribute.where):
                 raw = stored[attribute.name]

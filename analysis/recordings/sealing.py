@@ -21,6 +21,14 @@ def seal(path: Path) -> None:
         file.write(_line(file.read()))
 
 
+def is_sealed(path: Path) -> bool:
+    """Return whether the file carries a seal, without asking whether its contents agree with it."""
+    with path.open("rb") as file:
+        size = file.seek(0, 2)
+        file.seek(max(0, size - _SEAL_BYTES))
+        return file.read(len(_LABEL)) == _LABEL
+
+
 def seal_state(path: Path) -> Literal["intact", "broken", "absent"]:
     """Return whether the file carries a seal, and whether its contents still agree with it."""
     contents = path.read_bytes()

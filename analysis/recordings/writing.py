@@ -119,6 +119,15 @@ def mark_discarded(path: Path, reason: str) -> None:
             file.attrs["discarded"] = reason
 
 
+def take_back_discard(path: Path) -> None:
+    """Count a trial again that was marked as discarded; the recording stays as it is."""
+    read_trial(path)
+    with replacing(Path(path)) as part:
+        shutil.copyfile(path, part)
+        with h5py.File(part, "r+") as file:
+            file.attrs.pop("discarded", None)
+
+
 @contextmanager
 def replacing(path: Path, *, exclusive: bool = False, finished: bool = True) -> Iterator[Path]:
     """Yield the name of a file to write beside `path`; on success it takes that place, whole.

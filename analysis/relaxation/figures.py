@@ -23,7 +23,7 @@ _LABELS = {
     "A2_over_A0": "A2 / A0",
 }
 _MOST_POINTS = 3000
-_MOST_TICKS = 6
+_MOST_TICKS = 8  # that a small panel has room for
 
 
 def draw_all(
@@ -35,7 +35,9 @@ def draw_all(
     timed = [row for row in used if any(column in row.estimates for column in _LABELS)]
     drawers: dict[str, tuple[tuple[float, float], Callable[[Any], None]]] = {}
     if curves:
-        drawers["relaxation"] = (7.0, 4.6), lambda figure: _relaxation(figure, curves)
+        lines = 1 if _alike(curves) else -(-len(curves) // 3)
+        wide = 7.0 if lines == 1 and _alike(curves) else 9.0
+        drawers["relaxation"] = (wide, 4.6 if lines == 1 else 3.6 * lines), lambda f: _relaxation(f, curves)
     if len({depth_level(row.depth_mm) for row in elastic}) > 1:
         drawers["stiffness"] = (4.6, 3.6), lambda figure: _stiffness(figure, elastic, study)
     if len(timed) > 1:
@@ -44,22 +46,49 @@ def draw_all(
 
 
 def _relaxation(figure: Any, curves: Sequence[tuple[str, Curve]]) -> None:
-    """Force in the hold and its fit, one trial a depth (as Fig. 4), with the residual below."""
-    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
-    for number, (label, curve) in enumerate(curves):
+    """Force in the hold and its fit, one trial a depth (as Fig. 4), with the residual below.
+
+    Trials share their axes where they are alike in length and size; otherwise each has its own.
+    """
+    groups = [curves] if _alike(curves) else [[one] for one in curves]
+    columns = min(len(groups), 3)
+    lines = -(-len(groups) // columns)
+    grid = figure.subplots(2 * lines, columns, squeeze=False, sharex="none", height_ratios=(3, 1) * lines)
+    for number, group in enumerate(groups):
+        line, column = divmod(number, columns)
+        above, below = grid[2 * line, column], grid[2 * line + 1, column]
+        _panel(above, below, group, number)
+        above.tick_params(labelbottom=False)
+        if column == 0:
+            above.set_ylabel("force (mN)")
+            below.set_ylabel("residual (mN)")
+        if line == lines - 1 or number + columns >= len(groups):
+            below.set_xlabel("time since the end of the ramp (s)")
+    for empty in range(len(groups), lines * columns):
+        line, column = divmod(empty, columns)
+        grid[2 * line, column].set_visible(False)
+        grid[2 * line + 1, column].set_visible(False)
+
+
+def _alike(curves: Sequence[tuple[str, Curve]]) -> bool:
+    lengths = [float(curve.time_s[-1]) - curve.hold_start_s for _, curve in curves]
+    sizes = [float(np.ptp(curve.force_mn)) for _, curve in curves]
+    return max(lengths) <= 3.0 * min(lengths) and max(sizes) <= 30.0 * min(sizes)
+
+
+def _panel(above: Any, below: Any, curves: Sequence[tuple[str, Curve]], first_colour: int) -> None:
+    for number, (label, curve) in enumerate(curves, start=first_colour):
         colour = COLOURS[number % len(COLOURS)]
         time_s = curve.time_s - curve.hold_start_s
-        shown = time_s >= -1.0
+        shown = time_s >= -max(1.3 * curve.ramp_s, min(1.0, 0.2 * float(time_s[-1])))
         stride = max(1, int(shown.sum()) // _MOST_POINTS)
         t, force, fitted = (values[shown][::stride] for values in (time_s, curve.force_mn, curve.fitted_mn))
         above.plot(t, force, ".", ms=1.2, color=colour, alpha=0.35, rasterized=True)
         above.plot(t, fitted, "-", lw=1.3, color=colour, label=label)
         below.plot(t, force - fitted, ".", ms=1.0, color=colour, alpha=0.35, rasterized=True)
-    above.set_ylabel("force (mN)")
     above.legend(title="depth")
     below.axhline(0.0, color="black", lw=0.6)
-    below.set_ylabel("residual (mN)")
-    below.set_xlabel("time since the end of the ramp (s)")
+    above.set_xlim(*below.get_xlim())
 
 
 def _stiffness(figure: Any, rows: Sequence[TrialFit], study: Study) -> None:
@@ -125,14 +154,15 @@ def _parameters(figure: Any, rows: Sequence[TrialFit]) -> None:
         for number, (colour, finger, chosen) in enumerate(groups):
             place = (number + 0.5) / len(groups) - 0.5
             for depth in depths:
-                values = [
-                    row.estimates[column].value
+                told = [
+                    row.estimates[column]
                     for row in chosen
                     if scale * depth_level(row.depth_mm) == depth and column in row.estimates
                 ]
-                if not values:
+                if not told:
                     continue
-                spread = np.std(values, ddof=1) if len(values) > 1 else 0.0
+                values = [estimate.value for estimate in told]
+                spread = np.std(values, ddof=1) if len(values) > 1 else told[0].se
                 axes.errorbar(
                     depth + place * width,
                     np.mean(values),
@@ -146,7 +176,8 @@ def _parameters(figure: Any, rows: Sequence[TrialFit]) -> None:
                 )
         axes.set_ylabel(label)
         axes.set_xlabel(f"depth ({unit})")
-        if len(depths) <= _MOST_TICKS:
+        apart = min(np.diff(depths), default=1.0) / max(depths[-1] - depths[0], 1e-300)
+        if len(depths) == 1 or apart > 1.0 / _MOST_TICKS:
             axes.set_xticks(depths)
         if not axes.containers:
             axes.text(0.5, 0.5, "not told by these recordings", ha="center", transform=axes.transAxes)

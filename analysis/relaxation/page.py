@@ -38,7 +38,7 @@ _CAPTIONS = {
     "relaxation": "Recorded force (points) and fit (lines), one trial a depth, with the residual below.",
     "stiffness": "A0 over depth with standard errors; line: its slope. The ramp model's A0 counts from the first "
     "touch, depth from where the approach stopped.",
-    "parameters": "Times and amplitude ratios by depth, mean and sd.",
+    "parameters": "Times and amplitude ratios by depth, mean and sd (of a single trial: its standard error).",
 }
 _CAPTIONS_OF_FINGERS = {
     "stiffness": " Broken line: the published slope.",
@@ -82,7 +82,7 @@ def write_page(out: Path, files: Sequence[Path], found: Findings) -> Path:
             for name, path in figures.items()
         ],
         column_labels=[_LABELS[column] for column in COLUMNS],
-        groups=[_group_cells(group) for group in study.groups],
+        groups=[_group_cells(group) for group in _shown_groups(study, of_fingers=of_fingers)],
         scatter=_scatter_cells(study),
         predictions=[_prediction_cells(prediction) for prediction in found.predictions],
         solids=[_solid_cells(solid) for solid in found.solids],
@@ -180,6 +180,14 @@ def _bias(rows: Sequence[TrialFit]) -> list[dict[str, str]]:
             }
         )
     return table
+
+
+def _shown_groups(study: Study, *, of_fingers: bool) -> list[Group]:
+    """Return the groups of the table; where no finger is named, those of depths alone."""
+    if of_fingers:
+        return list(study.groups)
+    depths = [group for group in study.groups if group.finger is None and group.depth_mm is not None]
+    return [*(depths if len(depths) > 1 else []), study.groups[-1]]
 
 
 def _group_cells(group: Group) -> dict[str, Any]:

@@ -26,6 +26,7 @@ class Curve:
     force_mn: FloatArray
     fitted_mn: FloatArray
     hold_start_s: float
+    ramp_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,9 +57,8 @@ def fitted_curve(trial: Trial, row: TrialFit) -> Curve:
         age_s = window.time_s[window.hold_start :] - window.time_s[window.hold_start]
         if row.step_answer is not None:
             fitted[window.hold_start :] = row.step_answer.force_mn(age_s)
-    return Curve(
-        window.time_s, window.position_mm, window.force_mn, fitted, float(window.time_s[window.hold_start])
-    )
+    hold_start_s = float(window.time_s[window.hold_start])
+    return Curve(window.time_s, window.position_mm, window.force_mn, fitted, hold_start_s, window.ramp_s)
 
 
 def predict(

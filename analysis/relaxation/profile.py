@@ -26,12 +26,16 @@ _TOLERANCE = 2e-3  # in standard normal units
 _FARTHEST = 50.0  # standard errors; beyond, the side is called open
 
 
-def profile_intervals(trial: Trial, confidence: float = 0.95) -> dict[str, Interval]:
+def profile_intervals(
+    trial: Trial, confidence: float = 0.95, exponent: float | None = None
+) -> dict[str, Interval]:
     """Return the profile intervals of both times and both ratios, by name; errors as `profile_interval`."""
-    return {name: profile_interval(trial, name, confidence) for name in PROFILED}
+    return {name: profile_interval(trial, name, confidence, exponent) for name in PROFILED}
 
 
-def profile_interval(trial: Trial, name: Profiled, confidence: float = 0.95) -> Interval:
+def profile_interval(
+    trial: Trial, name: Profiled, confidence: float = 0.95, exponent: float | None = None
+) -> Interval:
     """Return the profile interval of a ramp fit's time or ratio.
 
     The rise of the sum of squares is measured against the noise as it acts on this parameter (its
@@ -44,7 +48,7 @@ def profile_interval(trial: Trial, name: Profiled, confidence: float = 0.95) -> 
     from scipy.special import ndtri
 
     with np.errstate(all="ignore"):
-        found = fit_ramp(cut_window(trial))
+        found = fit_ramp(cut_window(trial), exponent=exponent)
         value, error, scale = _centre(found, name)
         target = float(ndtri(0.5 + confidence / 2))
         rise = _rise(found, name, scale)

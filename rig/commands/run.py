@@ -10,16 +10,21 @@ from rich.console import Console
 
 from analysis.errors import BadInputError
 from rig.calibration.kept import calibration_for
+from rig.commands.asking import ConsoleAnswers
 from rig.commands.showing import TerminalProgress
+from rig.engine.audience import Observer
 from rig.engine.bench import Bench
+from rig.engine.control import Control
 from rig.engine.feed import Feed
 from rig.engine.interrupts import Interrupts
-from rig.engine.resuming import keep_protocol, standing
-from rig.engine.runner import Recorded, Runner, Task
+from rig.engine.loading import load_run
+from rig.engine.prompts import Desk
+from rig.engine.resuming import keep_protocol
+from rig.engine.runner import Runner
 from rig.engine.session import open_bench
-from rig.protocols.planning import plan_of
+from rig.engine.tasks import Recorded, Task
 from rig.protocols.steps import Plan
-from rig.settings.reading import check_protocol_on_rig, load_protocol, load_rig
+from rig.settings.reading import load_rig
 from rig.settings.rig_file import RigFile
 
 _EXAMPLES = files("rig.examples")
@@ -33,18 +38,15 @@ def run_protocol_file(protocol: Path, *, rig: Path | None, out: Path) -> Path:
     stop; RigError where the run failed.
     """
     settings = load_rig_or_simulated(rig)
-    asked = load_protocol(protocol)
-    check_protocol_on_rig(asked, settings, str(protocol))
-    toml = protocol.read_text(encoding="utf-8")
-    plan = plan_of(asked, settings.punch.diameter_mm, toml)
-    left = standing(plan, toml, out)
+    loaded = load_run(protocol, settings, out)
+    plan, left = loaded.plan, loaded.left
     console = Console(stderr=True)
     if left.n_done:
         on = "going on" if left.tasks else "nothing is left to run"
         console.print(f"{out}: {left.n_done} of {len(plan.trials)} trials are done, {on}", highlight=False)
     if left.tasks:
         calibration = calibration_for(settings, rig, console)
-        keep_protocol(toml, out)
+        keep_protocol(loaded.toml, out)
         with open_bench(settings, calibration) as bench:
             run_on_bench(bench, plan, left.tasks, out, console=console)
     return out
@@ -54,15 +56,15 @@ def run_on_bench(
     bench: Bench, plan: Plan, tasks: Sequence[Task], out: Path, *, console: Console
 ) -> list[Recorded]:
     """Run tasks on an open bench, shown on the console and open to be followed by other processes."""
+    desk = Desk() if bench.operator is None else None
     with Interrupts() as interrupts, TerminalProgress(console) as progress:
-
-        def heard(request: dict[str, object]) -> None:
-            if request.get("do") == "stop":
-                interrupts.request()
-
+        control = Control(interrupts, desk)
+        observers: list[Observer] = [progress]
+        if desk is not None:
+            observers.append(ConsoleAnswers(desk, console))
         lever = bench.lever
-        with Feed(plan.title, out, lever.sample_rate_hz, lever.calibration, heard) as feed:
-            return Runner(bench, interrupts, [progress, feed]).run(plan, tasks, out)
+        with Feed(plan.title, out, lever.sample_rate_hz, lever.calibration, control.hear) as feed:
+            return Runner(bench, interrupts, [*observers, feed], control=control).run(plan, tasks, out)
 
 
 def load_rig_or_simulated(rig: Path | None) -> RigFile:

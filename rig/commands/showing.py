@@ -46,7 +46,7 @@ class TerminalProgress:
             self._console.print(_saved(snapshot), highlight=False, soft_wrap=True)
         if not self._console.is_terminal:
             return
-        if snapshot.state is State.PREPARING:
+        if snapshot.state in {State.PREPARING, State.PAUSED}:
             self._bar.stop()
             return
         self._bar.update(
@@ -60,6 +60,9 @@ class TerminalProgress:
 
     def follow(self, chunk: Chunk) -> None:
         """See samples; the terminal shows none of them."""
+
+    def mark(self, name: str, sample: int, now: int) -> None:
+        """Hear of a phase; the state says as much."""
 
 
 def _doing(snapshot: Snapshot) -> str:

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import json
 import os
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from rig.errors import RigError
 
-ANNOUNCEMENT_VERSION = 1
+ANNOUNCEMENT_VERSION = 2
 
 
 @dataclass(frozen=True, slots=True)
 class Announcement:
-    """What another process needs to follow a run, or to ask it to stop."""
+    """What another process needs to follow a run, or to ask something of it.
+
+    `token` goes with every request: who can read this file, the user alone, may ask.
+    """
 
     version: int
     pid: int
@@ -23,6 +27,7 @@ class Announcement:
     ring: str
     snapshots: str
     requests: str
+    token: str
 
 
 def folder() -> Path:
@@ -41,8 +46,11 @@ def announce(announcement: Announcement) -> Path:
     path = folder() / f"run-{announcement.pid}.json"
     part = path.with_suffix(".part")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        part.write_text(json.dumps(asdict(announcement)), encoding="utf-8")
+        path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+        part.unlink(missing_ok=True)
+        # nobody else may read it, not even for a moment
+        with os.fdopen(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as file:
+            file.write(json.dumps(asdict(announcement)))
         part.replace(path)
     except OSError as error:
         raise RigError(
@@ -53,11 +61,27 @@ def announce(announcement: Announcement) -> Path:
 
 
 def announcements() -> list[Announcement]:
-    """Return the runs announced, the newest first; a file that can't be read is passed over."""
+    """Return the runs announced, the newest first; those of another version are passed over."""
     found = []
     for path in folder().glob("run-*.json"):
-        try:
-            found.append((path.stat().st_mtime, Announcement(**json.loads(path.read_text(encoding="utf-8")))))
-        except (OSError, ValueError, TypeError):
-            continue  # a run that ended meanwhile, or one of another version
+        announcement = read_announcement(path)
+        if announcement is not None:
+            with suppress(OSError):  # a run that has ended meanwhile
+                found.append((path.stat().st_mtime, announcement))
     return [announcement for _, announcement in sorted(found, key=lambda pair: -pair[0])]
+
+
+def announcement_of(pid: int) -> Announcement | None:
+    """Return what the program of this process number has announced; None where that is nothing."""
+    return read_announcement(folder() / f"run-{pid}.json")
+
+
+def read_announcement(path: Path) -> Announcement | None:
+    """Return an announcement; None where the file is none, or one of another version."""
+    try:
+        said = json.loads(path.read_text(encoding="utf-8"))
+        if not isinstance(said, dict) or said.get("version") != ANNOUNCEMENT_VERSION:
+            return None
+        return Announcement(**said)
+    except (OSError, ValueError, TypeError, RecursionError):
+        return None

@@ -8,7 +8,7 @@ from analysis.recordings.trial import Source
 from rig.hardware.balance import Balance
 from rig.hardware.clock import Clock
 from rig.hardware.lever import Lever
-from rig.hardware.operator import ConsoleAnswers, Operator
+from rig.hardware.operator import Operator
 from rig.hardware.stage import Stage
 
 
@@ -16,15 +16,14 @@ from rig.hardware.stage import Stage
 class Bench:
     """An open bench.
 
-    `answers` asks a person, where there is one, for what a missing device would say. `read_s` is the time
-    read and written at once while nothing happens.
+    `operator` is what stands in for hands; None where they are a person's. `read_s` is the time read and
+    written at once while nothing happens.
     """
 
     lever: Lever
     clock: Clock
-    operator: Operator
+    operator: Operator | None
     stage: Stage | None
     balance: Balance | None
     source: Source
-    answers: ConsoleAnswers | None = None
     read_s: float = 0.05

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
-import json
+import contextlib
+import logging
 import os
+import secrets
 import threading
+import time
+from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -14,8 +19,12 @@ import zmq
 from analysis.recordings.trial import Calibration
 from rig.engine.announcing import ANNOUNCEMENT_VERSION, Announcement, announce
 from rig.engine.progress import Snapshot
-from rig.engine.ring import SampleRing
+from rig.engine.requests import MAX_BYTES, Request, Verdict, parse_request
+from rig.engine.ring import IDLE, TRIAL, SampleRing
+from rig.engine.states import State
 from rig.hardware.lever import Chunk
+
+_log = logging.getLogger(__name__)
 
 RING_S = 60.0
 """Live samples kept: a window can show the last minute."""
@@ -23,13 +32,22 @@ RING_S = 60.0
 HEARTBEAT_S = 0.5
 """The last snapshot is sent again so often: one who hears nothing for longer knows that the run is gone."""
 
+_ANSWERS_KEPT = 16
+_REQUESTS_AT_ONCE = 32
+"""Requests taken between two snapshots: a flood of them holds up nothing but itself."""
+
+
+def _nothing_runs(request: Request) -> Verdict:
+    return Verdict(request.id, accepted=False, why="this run takes no requests")
+
 
 class Feed:
-    """Publishes one run, as a context manager; `follow` and `show` are its observers' calls.
+    """Publishes what happens on one bench, as a context manager; `follow`, `show` and `mark` never wait.
 
     A thread of its own keeps the sockets: it sends each snapshot, sends the last one again to whoever
-    subscribes and at every heartbeat, and hands requests from other processes, as dictionaries, to
-    `on_request`.
+    subscribes and at every heartbeat, and hands requests from other processes to `on_request`, whose
+    verdicts go out with the snapshots. A request counts only with the token of the announcement, once;
+    whatever else comes to the open port is passed over.
     """
 
     def __init__(
@@ -38,18 +56,25 @@ class Feed:
         out: Path,
         sample_rate_hz: float,
         calibration: Calibration,
-        on_request: Callable[[dict[str, Any]], None] = lambda _: None,
+        on_request: Callable[[Request], Verdict] = _nothing_runs,
     ) -> None:
         self._title = title
         self._out = out
         self._on_request = on_request
+        self._rate_hz = sample_rate_hz
+        self._token = secrets.token_urlsafe(24)
         self._ring = SampleRing(int(RING_S * sample_rate_hz), sample_rate_hz, calibration)
+        self._trial_began = 0
+        self._n_trials = 0
         self._context = zmq.Context()
         self._inbox = self._context.socket(zmq.PAIR)
         self._inbox_address = f"inproc://feed-{id(self)}"
         self._inbox.bind(self._inbox_address)
         self._ready = threading.Event()
         self._addresses = ("", "")
+        self._last = Snapshot(title=title, state=State.IDLE, out=str(out))
+        self._number = 0
+        self._answers: deque[Verdict] = deque(maxlen=_ANSWERS_KEPT)
         self._thread = threading.Thread(target=self._serve, name="feed", daemon=True)
         self._file: Path | None = None
 
@@ -66,6 +91,7 @@ class Feed:
                 ring=self._ring.name,
                 snapshots=snapshots,
                 requests=requests,
+                token=self._token,
             )
         )
         return self
@@ -73,23 +99,41 @@ class Feed:
     def __exit__(self, *_: object) -> None:
         if self._file is not None:
             self._file.unlink(missing_ok=True)
-        self._inbox.send(b"")
-        self._thread.join()
+        with contextlib.suppress(zmq.Again):
+            self._inbox.send(b"", zmq.NOBLOCK)
+        self._thread.join(2.0)
         self._inbox.close(linger=0)
-        self._context.term()
+        if not self._thread.is_alive():
+            self._context.term()
         self._ring.close()
 
     def follow(self, chunk: Chunk) -> None:
         """Show samples as they come."""
         self._ring.write(chunk.position_v, chunk.force_v, chunk.command_v)
 
+    def mark(self, name: str, sample: int, now: int) -> None:
+        """Set a mark at a sample of the trial, which is at sample `now`.
+
+        "trial" begins one, "idle" what is shown and not recorded.
+        """
+        if name in {TRIAL, IDLE}:
+            self._trial_began = self._ring.written - now
+        if name == TRIAL:
+            self._n_trials += 1
+        index = self._trial_began + sample
+        time_s = time.time() - (now - sample) / self._rate_hz
+        self._ring.mark(name, index, time_s, self._n_trials)
+
     def show(self, snapshot: Snapshot) -> None:
-        """Show what the run does now; from the thread that runs it."""
-        self._inbox.send(json.dumps(snapshot.as_message()).encode())
+        """Show what the run does now; from one thread. A full outbox drops it: the next one stands for it."""
+        with contextlib.suppress(zmq.Again):
+            self._inbox.send(snapshot.as_message(), zmq.NOBLOCK)
 
     def _serve(self) -> None:
         out = self._context.socket(zmq.XPUB)
         requests = self._context.socket(zmq.PULL)
+        requests.setsockopt(zmq.MAXMSGSIZE, 2 * MAX_BYTES)
+        requests.setsockopt(zmq.RCVHWM, 4 * _REQUESTS_AT_ONCE)
         inbox = self._context.socket(zmq.PAIR)
         inbox.connect(self._inbox_address)
         self._addresses = tuple(
@@ -99,27 +143,55 @@ class Feed:
         poller = zmq.Poller()
         for socket in (out, requests, inbox):
             poller.register(socket, zmq.POLLIN)
-        last = b""
+        sent_at = 0.0
         while True:
-            ready = dict(poller.poll(round(1000 * HEARTBEAT_S)))
-            if inbox in ready:
-                last = inbox.recv() or b""
-                if not last:
-                    break
+            due_s = sent_at + HEARTBEAT_S - time.monotonic()
+            ready = dict(poller.poll(max(0, round(1000 * due_s))))
+            send = out in ready or time.monotonic() - sent_at >= HEARTBEAT_S
             if out in ready:
                 out.recv()
             if requests in ready:
-                self._heard(requests.recv())
-            if last and (inbox in ready or out in ready or not ready):
-                out.send(last)
+                send |= self._hear(requests)
+            if inbox in ready:
+                message = inbox.recv()
+                if not message:
+                    break
+                self._last = Snapshot.from_message(message)
+                send = True
+            if send:
+                self._number += 1
+                shown = replace(self._last, number=self._number, answered=tuple(self._answers))
+                out.send(shown.as_message(), zmq.NOBLOCK)
+                sent_at = time.monotonic()
         for socket in (out, requests, inbox):
             socket.close(linger=200)
 
-    def _heard(self, message: bytes) -> None:
-        """Hand a request on; what is no request is passed over, as anyone may write to an open port."""
+    def _hear(self, requests: zmq.Socket[Any]) -> bool:
+        """Take the requests that have come; say whether any was answered."""
+        answered = False
+        for _ in range(_REQUESTS_AT_ONCE):
+            try:
+                message = requests.recv(zmq.NOBLOCK)
+            except zmq.Again:
+                break
+            verdict = self._verdict(message)
+            if verdict is not None:
+                self._answers.append(verdict)
+                answered = True
+        return answered
+
+    def _verdict(self, message: bytes) -> Verdict | None:
+        request = parse_request(message, self._token)
+        if request is None or isinstance(request, Verdict):
+            return request
+        for earlier in self._answers:
+            if earlier.id == request.id:
+                return None  # asked twice, done once
         try:
-            request = json.loads(message)
-        except ValueError:
-            return
-        if isinstance(request, dict):
-            self._on_request(request)
+            return self._on_request(request)
+        except Exception:  # noqa: BLE001 - whatever it is, the ear stays open
+            _log.exception("a request could not be taken on")
+            return Verdict(request.id, accepted=False, why="a fault of the program; its log says more")
+
+
+__all__ = ["HEARTBEAT_S", "IDLE", "RING_S", "Feed"]

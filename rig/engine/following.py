@@ -1,8 +1,8 @@
-"""The other end of the feed: follow a run from another process, and ask it to stop."""
+"""The other end of the feed: follow a run from another process, and ask something of it."""
 
 from __future__ import annotations
 
-import json
+from contextlib import suppress
 from typing import Any, Self
 
 import zmq
@@ -10,6 +10,7 @@ import zmq
 from rig.engine.announcing import Announcement, announcements
 from rig.engine.feed import HEARTBEAT_S
 from rig.engine.progress import Snapshot
+from rig.engine.requests import Request, make_request, sealed
 from rig.engine.ring import RingReader
 
 SILENT_S = 4 * HEARTBEAT_S
@@ -46,11 +47,21 @@ class Follower:
         message = self._snapshots.recv()
         while self._snapshots.poll(0):
             message = self._snapshots.recv()
-        return Snapshot.from_message(json.loads(message))
+        return Snapshot.from_message(message)
 
-    def request(self, request: dict[str, Any]) -> None:
-        """Ask the run for something: {"do": "stop"}."""
-        self._requests.send(json.dumps(request).encode())
+    def request(self, do: str, **more: Any) -> str:
+        """Ask the run for something (`rig.engine.requests` says what); return the request's id.
+
+        It counts as taken on only when a snapshot says so, under this id: a message to a dead run is
+        accepted in silence. ValueError where it is no request.
+        """
+        return self.send(make_request(do, **more))
+
+    def send(self, request: Request) -> str:
+        """Send a request; return its id."""
+        with suppress(zmq.Again):  # nobody takes them: no verdict will come
+            self._requests.send(sealed(request, self.announcement.token), zmq.NOBLOCK)
+        return request.id
 
 
 def follow_newest() -> Follower | None:

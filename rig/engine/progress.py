@@ -3,16 +3,76 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import Any, Self
+from dataclasses import dataclass
+from functools import cache
+from typing import Literal
 
+from pydantic import TypeAdapter
+
+from rig.engine.prompts import Prompt
+from rig.engine.requests import Verdict
 from rig.engine.states import State
+from rig.engine.tasks import Ended
 from rig.protocols.steps import PlannedTrial
 
 
 @dataclass(frozen=True, slots=True)
+class CalibrationInUse:
+    """Where the constants of position or force come from: `calibrated` is empty where they are nominal."""
+
+    kind: Literal["position", "force"]
+    calibrated: str = ""
+    valid_until: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class BenchFacts:
+    """What does not change while a bench is open: its limits, its calibrations, whether it is a simulation."""
+
+    rig: str
+    simulated: bool
+    travel_min_mm: float
+    travel_max_mm: float
+    safe_position_mm: float
+    force_max_mn: float
+    sample_rate_hz: float
+    calibrations: tuple[CalibrationInUse, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class MeasuredConstant:
+    """One constant that a calibration found, with what is in use now."""
+
+    name: str
+    value: float
+    half_width_95: float
+    in_use: float
+
+
+@dataclass(frozen=True, slots=True)
+class CalibrationShown:
+    """A calibration as it goes, and its result once there is one.
+
+    `points` are (x, V): stage in mm, or weight in mN, and the signal there, one a trial.
+    """
+
+    kind: Literal["position", "force"]
+    x_name: str
+    points: tuple[tuple[float, float], ...] = ()
+    constants: tuple[MeasuredConstant, ...] = ()
+    r2: float | None = None
+    decision: Literal["", "waiting", "kept", "left"] = ""
+    file: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class Snapshot:
-    """One moment of a run, as observers and other processes see it. Times are those of the bench, s."""
+    """One moment of a run, as observers and other processes see it. Times are those of the bench, s.
+
+    `number` counts the snapshots of a bench; `file` is the one being written; `surface_mm` and
+    `overshoot_um` are what the last approach found; `ended` holds the last trials and what became of them;
+    `error` is what ended the last run.
+    """
 
     title: str
     state: State
@@ -23,16 +83,35 @@ class Snapshot:
     left_s: float = 0.0
     message: str = ""
     out: str = ""
+    number: int = 0
+    file: str = ""
+    surface_mm: float | None = None
+    overshoot_um: float | None = None
+    threshold_mn: float | None = None
+    n_samples: int = 0
+    n_lost: int = 0
+    rest_left_s: float = 0.0
+    pausing: bool = False
+    prompt: Prompt | None = None
+    error: str = ""
+    ended: tuple[Ended, ...] = ()
+    calibration: CalibrationShown | None = None
+    bench: BenchFacts | None = None
+    answered: tuple[Verdict, ...] = ()
 
-    def as_message(self) -> dict[str, Any]:
-        """Return the snapshot as a message: plain texts and numbers."""
-        return asdict(self) | {"state": str(self.state)}
+    def as_message(self) -> bytes:
+        """Return the snapshot as a message."""
+        return _snapshots().dump_json(self)
 
-    @classmethod
-    def from_message(cls, message: dict[str, Any]) -> Self:
-        """Return the snapshot of a message; keys of a newer version are passed over."""
-        known = {name: message[name] for name in cls.__slots__ if name in message}
-        return cls(**known | {"state": State(message["state"])})
+    @staticmethod
+    def from_message(message: bytes) -> Snapshot:
+        """Return the snapshot of a message; ValueError where it is none."""
+        return _snapshots().validate_json(message)
+
+
+@cache
+def _snapshots() -> TypeAdapter[Snapshot]:
+    return TypeAdapter(Snapshot)
 
 
 class Countdown:
@@ -64,6 +143,10 @@ class Countdown:
         self._done_s += self._in_trial_s
         self._in_trial_s = 0.0
         del self._ahead_s[:1]
+
+    def insert(self, trial: PlannedTrial) -> None:
+        """One more trial comes after this one."""
+        self._ahead_s.insert(1, trial.expected_s)
 
 
 def clock_words(seconds: float) -> str:

@@ -18,7 +18,8 @@ _AFTER_LIMIT_S = 0.3
 class Recorder:
     """Takes every sample of a trial once, in order; the file gets them on a road of its own (`Filing`).
 
-    `check` is called before each read and may raise to end the trial; `follow` is handed every chunk.
+    `check` is called before each read and may raise to end the trial; `follow` is handed every chunk, `mark`
+    the name of every phase that begins, its first sample and the number of samples by now.
     Where nothing has to be noticed at once, `read_s` are read at a time.
     """
 
@@ -28,6 +29,7 @@ class Recorder:
         writer: TrialWriter,
         check: Callable[[], None],
         follow: Callable[[Chunk], None],
+        mark: Callable[[str, int, int], None] = lambda *_: None,
         *,
         read_s: float = 0.05,
     ) -> None:
@@ -35,6 +37,7 @@ class Recorder:
         self._writer = writer
         self._check = check
         self._follow = follow
+        self._mark = mark
         self.read_samples = max(1, int(read_s * lever.sample_rate_hz))
         self._position_mm = np.empty(0)
         self._force_mn = np.empty(0)
@@ -110,6 +113,7 @@ class Recorder:
         self._phases.append(Phase(name, sample, max(sample + 1, self.n)))
         self._in_phase = True
         self._writer.set_phases(self._phases)
+        self._mark(name, sample, self.n)
 
     def end_phase(self, sample: int | None = None) -> None:
         """The last phase ends at `sample`, or where the samples end."""

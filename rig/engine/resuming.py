@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from analysis.errors import BadInputError
 from analysis.recordings import read_trial
 from analysis.recordings.trial import Trial
-from rig.engine.runner import Task
-from rig.protocols.steps import Ask, Plan, PlannedTrial, Preparation
+from rig.engine.attempts import next_attempt, planned_name
+from rig.engine.tasks import Task
+from rig.protocols.steps import Plan
 
 PROTOCOL_FILE = "protocol.toml"
-_ATTEMPT = re.compile(r"(?P<name>.+?)(?:_again(?P<number>\d+))?$")
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,19 +35,14 @@ def standing(plan: Plan, toml: str, out: Path) -> Standing:
     _check_same(toml, out)
     attempts: dict[str, list[Path]] = {}
     for path in sorted(out.glob("*.h5")):
-        match = _ATTEMPT.match(path.stem)
-        if match is not None:
-            attempts.setdefault(match["name"], []).append(path)
+        attempts.setdefault(planned_name(path.stem), []).append(path)
     tasks, n_done = [], 0
     for trial in plan.trials:
         earlier = attempts.get(trial.name, [])
         if any(_counts(path) for path in earlier):
             n_done += 1
-        elif earlier:
-            number = 1 + max(int(_ATTEMPT.match(path.stem)["number"] or 1) for path in earlier)  # type: ignore[index]
-            tasks.append(Task(_again(trial, number), out / f"{trial.name}_again{number}.h5"))
         else:
-            tasks.append(Task(trial, out / f"{trial.name}.h5"))
+            tasks.append(next_attempt(trial, out, [path.stem for path in earlier]))
     return Standing(tuple(tasks), n_done)
 
 
@@ -80,15 +73,3 @@ def _counts(path: Path) -> bool:
     except BadInputError:
         return False
     return trial.status == "complete" and not trial.discarded
-
-
-def _again(trial: PlannedTrial, number: int) -> PlannedTrial:
-    """Return the trial at a site not pressed before."""
-    site = f"{trial.specimen.site}-{number}"
-    preparations: Sequence[Preparation] = [
-        replace(step, details={**step.details, "site": site})
-        if isinstance(step, Ask) and step.request == "place_finger"
-        else step
-        for step in trial.preparations
-    ]
-    return replace(trial, preparations=tuple(preparations), specimen=replace(trial.specimen, site=site))

@@ -15,13 +15,13 @@ from rig.hardware.daq import Card
 from rig.hardware.guard import Guard
 from rig.hardware.lever import Lever
 from rig.hardware.occupancy import RigLock
-from rig.hardware.operator import ConsoleAnswers, ConsoleOperator, Operator, RemoteOperator
+from rig.hardware.operator import RemoteOperator
 from rig.hardware.remote import ControlService
 from rig.hardware.stage import Stage
 from rig.settings.rig_file import RigFile, ServiceSettings
 
-_LONGEST_READ_S = 0.05
-"""Half of the 100 ms that may be missing after a kill."""
+_LONGEST_READ_S = 0.02
+"""Of the 100 ms that may be missing after a kill, and in which a stop is to have moved the arm."""
 
 
 @contextmanager
@@ -61,7 +61,7 @@ def open_bench(rig: RigFile, calibration: Calibration) -> Iterator[Bench]:
             # the lock is this run's: tasks of this name are those of a dead one
             card.clear_left_over_tasks()
         clock: Clock = RemoteClock(service(rig.clock)) if rig.clock else SystemClock()
-        hands: Operator = RemoteOperator(service(rig.operator)) if rig.operator else ConsoleOperator()
+        hands = RemoteOperator(service(rig.operator)) if rig.operator else None
         stage = balance = None
         if rig.stage is not None:
             stage = stack.enter_context(Stage(rig.stage, resolve(rig.stage.port), clock))
@@ -81,6 +81,5 @@ def open_bench(rig: RigFile, calibration: Calibration) -> Iterator[Bench]:
             stage=stage,
             balance=balance,
             source="simulated" if rig.companion is not None else "nidaqmx",
-            answers=ConsoleAnswers() if rig.operator is None else None,
             read_s=min(_LONGEST_READ_S, 2 * rig.card.read_interval_s),
         )

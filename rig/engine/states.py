@@ -12,6 +12,7 @@ class State(StrEnum):
     IDLE = "idle"
     PREPARING = "preparing"
     RESTING = "resting"
+    PAUSED = "paused"
     POSITIONING = "positioning"
     APPROACHING = "approaching"
     DWELLING = "dwelling"
@@ -31,8 +32,9 @@ _S = State
 
 TRANSITIONS: Mapping[State, frozenset[State]] = {
     _S.IDLE: frozenset({_S.PREPARING, _S.FINISHED, _S.LEAVING}),
-    _S.PREPARING: frozenset({_S.PREPARING, _S.RESTING, _S.POSITIONING, _S.FINISHED, _S.LEAVING}),
-    _S.RESTING: frozenset({_S.PREPARING, _S.POSITIONING, _S.LEAVING}),
+    _S.PREPARING: frozenset({_S.PREPARING, _S.RESTING, _S.PAUSED, _S.POSITIONING, _S.FINISHED, _S.LEAVING}),
+    _S.RESTING: frozenset({_S.PREPARING, _S.PAUSED, _S.POSITIONING, _S.LEAVING}),
+    _S.PAUSED: frozenset({_S.PREPARING, _S.POSITIONING, _S.FINISHED, _S.LEAVING}),
     _S.POSITIONING: frozenset({_S.APPROACHING, _S.SWEEPING, _S.LEAVING}),
     _S.APPROACHING: frozenset({_S.DWELLING, _S.RETRACTING, _S.LEAVING}),
     _S.DWELLING: frozenset({_S.RAMPING, _S.LEAVING}),
@@ -42,7 +44,7 @@ TRANSITIONS: Mapping[State, frozenset[State]] = {
     _S.CLEARING: frozenset({_S.LEAVING}),
     _S.SWEEPING: frozenset({_S.LEAVING}),
     _S.LEAVING: frozenset({_S.SAVED, _S.STOPPED, _S.FAILED}),
-    _S.SAVED: frozenset({_S.PREPARING, _S.FINISHED, _S.LEAVING}),
+    _S.SAVED: frozenset({_S.PREPARING, _S.PAUSED, _S.FINISHED, _S.LEAVING}),
     _S.FINISHED: frozenset(),
     _S.STOPPED: frozenset(),
     _S.FAILED: frozenset(),

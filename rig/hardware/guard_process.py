@@ -25,7 +25,7 @@ from typing import Any, BinaryIO
 
 from analysis.recordings.trial import Calibration
 from rig.hardware.daq import Card
-from rig.hardware.errors import CardBusyError, HardwareError
+from rig.hardware.errors import CardBusyError, HardwareError, RetreatFailedError
 from rig.hardware.processes import own_session
 from rig.hardware.retreat import Bearings, Retreat, bring_to_safety
 from rig.hardware.telling import tell_person
@@ -40,6 +40,9 @@ _REPORT_S = 0.1
 
 _TRIES_S = 10.0
 """How long the card is asked for before the guard gives up."""
+
+_DISOBEYED_S = 1.0
+"""An arm that was sent to safety and is not there is asked again for so long."""
 
 _RETRY_S = 0.02
 
@@ -75,8 +78,8 @@ def main() -> int:
             free=card.clear_left_over_tasks,
         )
         code = watch.until_the_end()
-        if code == 0:
-            second.say("end")
+        # where the arm could not be moved, the person has been told: a second one could not either
+        second.say("end")
         return code
 
 
@@ -250,7 +253,7 @@ def move(
         except HardwareError as error:
             spent_s = time.monotonic() - began_s
             _log.warning("after %.3f s: %s", spent_s, error)
-            if spent_s > _TRIES_S:
+            if spent_s > (_DISOBEYED_S if isinstance(error, RetreatFailedError) else _TRIES_S):
                 _log.error("the arm could not be moved; lift it by hand")
                 told.cancel()
                 tell_person(tell_fd, f"the arm could not be moved away, LIFT IT BY HAND: {error}")

@@ -1,11 +1,10 @@
-"""The operator's hands: asked at the console, or through a control service in their place."""
+"""The operator's hands: what they are asked for, and the control service that stands in their place."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Protocol
 
-from rig.hardware.errors import OperatorError
 from rig.hardware.remote import ControlService
 
 Details = Mapping[str, str | float | int | bool]
@@ -27,45 +26,6 @@ class RemoteOperator:
     def request(self, kind: str, details: Details) -> str:
         """Ask the service."""
         return str(self._service.call("request", kind, dict(details)))
-
-
-class ConsoleOperator:
-    """A person at this terminal."""
-
-    def request(self, kind: str, details: Details) -> str:
-        """Say what is to be done and wait for Enter; `s` and Enter stops the run."""
-        from rich.prompt import Prompt
-
-        try:
-            answer = Prompt.ask(
-                f"{words_for(kind, details)} [dim](Enter when done, s to stop)[/dim]",
-                default="",
-                show_default=False,
-            )
-        except EOFError:
-            raise OperatorError(
-                f"{kind}: nobody is at the console to answer; run in a terminal, or name a service under "
-                "[operator] in rig.toml"
-            ) from None
-        if answer.strip().lower() in {"s", "stop"}:
-            raise OperatorError(f"{kind}: the operator stopped the run; start it again to go on where it was")
-        return "done by hand"
-
-
-class ConsoleAnswers:
-    """What a person reads off where a device is missing."""
-
-    def read_mass_g(self, nominal_g: float) -> float:
-        """Ask for the mass of a weight, g; its nominal value when only Enter is pressed."""
-        from rich.prompt import FloatPrompt
-
-        try:
-            return float(FloatPrompt.ask("Mass of the weight as weighed, in grams", default=nominal_g))
-        except EOFError:
-            raise OperatorError(
-                "mass of a weight: nobody is at the console to answer; run in a terminal, or name a balance "
-                "in rig.toml"
-            ) from None
 
 
 _WORDS = {

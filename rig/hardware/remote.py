@@ -22,7 +22,7 @@ class ControlService:
     def call(self, method: str, *arguments: Any) -> Any:
         """Call a method; OperatorError, in one line, where the service refuses or does not answer."""
         try:
-            return getattr(self._proxy, method)(*arguments)
+            return self._call(method, *arguments)
         except xmlrpc.client.Fault as fault:
             said = (
                 fault.faultString.strip().splitlines()[-1] if fault.faultString.strip() else "no reason given"
@@ -33,6 +33,14 @@ class ControlService:
                 f"control service {self.address} does not answer ({error}); start it, or take [operator] and "
                 "[clock] out of rig.toml"
             ) from error
+
+    def _call(self, method: str, *arguments: Any) -> Any:
+        try:
+            return getattr(self._proxy, method)(*arguments)
+        except KeyboardInterrupt:
+            # an answer still on its way would be taken for that of the next call
+            self.close()
+            raise
 
     def close(self) -> None:
         """Close the connection."""

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from analysis.errors import BadInputError
 from analysis.recordings.importers.draft import Draft, even_grid, even_rate_hz, one_phase, refuse_dead_signals
+from analysis.recordings.importers.held_force import without_held_force
 from analysis.recordings.trial import FloatArray, Kind, NativeSamples, Phase, ProtocolSummary
 
 _HEIGHTS = ("height (measured)", "height (piezo)")
@@ -84,13 +85,13 @@ def _draft(path: Path, curve: Any, kind: Kind) -> Draft:
     time_s = time_s - time_s[0]
     spans = _spans(segment)
     sign, line = _direction(raw_mm, force_mn)
-    position_mm = sign * (raw_mm - raw_mm[0])
+    travel_mm = sign * (raw_mm - raw_mm[0])
+    position_mm, bending = _tip(curve, travel_mm, force_mn)
     log = [
         f"force in mN (1 nN is 1e-6 mN), position from '{height}' in mm, counted from the first sample; "
         "volts stand for units: 1 V is 1 mm, 1 V is 1 mN",
         line,
-        "the cantilever bends: the tip stands short of this position by force over spring constant "
-        f"({curve.metadata.get('spring constant', 'not stated')} N/m)",
+        bending,
     ]
     grid, rate, native = time_s, even_rate_hz(time_s), None
     if rate is None:
@@ -105,10 +106,10 @@ def _draft(path: Path, curve: Any, kind: Kind) -> Draft:
     if fixed is not None:
         phases, words = fixed
     else:
-        phases, words = _phases(spans, time_s, position_mm, grid)
+        phases, words = _phases(spans, time_s, travel_mm, grid)
     started, when = _started(curve)
     hold = next((phase for phase in phases if phase.name == "hold"), None)
-    return Draft(
+    draft = Draft(
         sample_rate_hz=rate,
         position_v=np.interp(grid, time_s, position_mm),
         force_v=np.interp(grid, time_s, force_mn),
@@ -122,6 +123,26 @@ def _draft(path: Path, curve: Any, kind: Kind) -> Draft:
             retract_speed_mm_s=_speed(curve, "speed retract"),
             hold_s=None if hold is None else (hold.stop - hold.start) / rate,
         ),
+    )
+    return without_held_force(draft)
+
+
+def _tip(curve: Any, travel_mm: FloatArray, force_mn: FloatArray) -> tuple[FloatArray, str]:
+    """Return the tip's position (N,) mm, the travel less the bending of the cantilever, and a line on it.
+
+    The bending is force over spring constant (1 N/m is 1 mN/mm), from that of the first samples on.
+    """
+    spring = curve.metadata.get("spring constant")
+    if spring is None or not (np.isfinite(spring) and spring > 0):
+        return travel_mm, (
+            "WARNING: the spring constant of the cantilever is not stated: position is its travel, and the tip "
+            "stands short of it by the bending; depth is overstated"
+        )
+    bending_mm = (force_mn - float(np.median(force_mn[:50]))) / float(spring)
+    deepest_um = 1e3 * float(np.max(bending_mm))
+    return travel_mm - bending_mm, (
+        f"position is the tip's: travel less the bending of the cantilever, force over {spring:.4g} N/m, "
+        f"at most {deepest_um:.4g} um"
     )
 
 

@@ -1,23 +1,20 @@
-"""Text recordings: a header line, then rows, columns by name."""
+"""Text recordings with the names of the trial file: a header line, then rows, columns by name."""
 
 from __future__ import annotations
 
 import csv
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from analysis.errors import BadInputError
-from analysis.recordings.importers.draft import Draft, even_grid, even_rate_hz, one_phase, refuse_dead_signals
-from analysis.recordings.motion import phases_from_motion
-from analysis.recordings.trial import FloatArray, Kind, NativeSamples
-
-_NEEDED = ("time_s", "position_mm", "force_mn")
-_OPTIONAL = ("command_mm",)
-_FEWEST_ROWS = 8
+from analysis.recordings.importers.draft import Draft
+from analysis.recordings.importers.headers import suggestion
+from analysis.recordings.importers.sampled import NEEDED, OPTIONAL, draft_of_columns
+from analysis.recordings.trial import FloatArray, Kind
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,63 +32,22 @@ def read_csv(path: Path, kind: Kind) -> Draft:
     BadInputError that names the line.
     """
     table = _table(path)
-    time_s, position_mm, force_mn = (table.columns[name] for name in _NEEDED)
-    _check_time(path, time_s, table.lines)
-    refuse_dead_signals(path, position_mm, force_mn)
     log = [f"columns read: {', '.join(table.columns)}; volts stand for units: 1 V is 1 mm, 1 V is 1 mN"]
     if table.ignored:
         log.append(f"columns ignored: {', '.join(table.ignored)}")
     if table.blank:
         log.append(f"blank lines skipped: {table.blank}")
-    draft = _evenly_sampled(table.columns, log)
-    fixed = one_phase(kind, len(draft.position_v))
-    if fixed is not None:
-        phases, line = fixed
-    else:
-        phases = phases_from_motion(draft.position_v, draft.sample_rate_hz)
-        found = ", ".join(phase.name for phase in phases)
-        line = f"phases found from the motion: {found or 'none, the motion shows no press and hold'}"
-    return replace(draft, phases=phases, log=(*draft.log, line))
+    return draft_of_columns(path, table.columns, table.lines, kind, log)
 
 
-def _evenly_sampled(columns: dict[str, FloatArray], log: list[str]) -> Draft:
-    time_s, position_mm, force_mn = (columns[name] for name in _NEEDED)
-    command_mm = columns.get("command_mm")
-    if time_s[0] != 0:
-        log.append(f"time counts from the first sample; it was {time_s[0]:g} s in the file")
-    elapsed_s = time_s - time_s[0]
-    rate = even_rate_hz(elapsed_s)
-    if rate is not None:
-        log.append(f"evenly sampled: {len(time_s)} samples at {rate:g} Hz")
-        return Draft(rate, position_mm, force_mn, command_mm, (), tuple(log))
-    grid, rate = even_grid(elapsed_s)
-    log.append(
-        f"unevenly sampled: {len(time_s)} samples interpolated linearly onto {len(grid)} at {rate:g} Hz; "
-        "the samples as they were taken are kept in /import"
-    )
-    return Draft(
-        sample_rate_hz=rate,
-        position_v=np.interp(grid, elapsed_s, position_mm),
-        force_v=np.interp(grid, elapsed_s, force_mn),
-        command_v=None if command_mm is None else np.interp(grid, elapsed_s, command_mm),
-        phases=(),
-        log=tuple(log),
-        native=NativeSamples(elapsed_s, position_mm, force_mn),
-    )
-
-
-def _check_time(path: Path, time_s: FloatArray, lines: list[int]) -> None:
-    if len(time_s) < _FEWEST_ROWS:
-        raise BadInputError(
-            f"{path}: has {len(time_s)} rows of samples: a recording needs {_FEWEST_ROWS} or more"
-        )
-    back = np.flatnonzero(np.diff(time_s) <= 0)
-    if back.size:
-        i = int(back[0])
-        raise BadInputError(
-            f"{path}: line {lines[i + 1]}: time_s is {time_s[i + 1]:g} after {time_s[i]:g}: "
-            "it must rise from row to row, with enough digits"
-        )
+def names_columns_so(path: Path) -> bool:
+    """Whether the first line of a text names one of the columns as the trial file does."""
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            first = next((line for line in file if line.strip()), "")
+    except (OSError, UnicodeDecodeError):
+        return False
+    return any(name in first for name in NEEDED)
 
 
 def _table(path: Path) -> _Table:
@@ -99,7 +55,7 @@ def _table(path: Path) -> _Table:
     header_line, header = next(rows, (0, []))
     names = [name.strip() for name in header]
     _check_header(path, names)
-    wanted = [(name, names.index(name)) for name in (*_NEEDED, *_OPTIONAL) if name in names]
+    wanted = [(name, names.index(name)) for name in (*NEEDED, *OPTIONAL) if name in names]
     values: list[list[float]] = []
     lines: list[int] = []
     last = header_line
@@ -114,7 +70,7 @@ def _table(path: Path) -> _Table:
         values.append([_number(path, line, name, row[i]) for name, i in wanted])
         lines.append(line)
     columns = np.array(values, dtype=np.float64).reshape(len(values), len(wanted)).T
-    ignored = tuple(name for name in names if name not in (*_NEEDED, *_OPTIONAL) and name)
+    ignored = tuple(name for name in names if name not in (*NEEDED, *OPTIONAL) and name)
     named = {name: np.ascontiguousarray(column) for (name, _), column in zip(wanted, columns, strict=True)}
     return _Table(named, lines, ignored, max(0, blank))
 
@@ -136,7 +92,7 @@ def _rows(path: Path) -> Iterator[tuple[int, list[str]]]:
 
 
 def _check_header(path: Path, names: list[str]) -> None:
-    missing = [name for name in _NEEDED if name not in names]
+    missing = [name for name in NEEDED if name not in names]
     if missing:
         found = ", ".join(names)[:120] or "nothing"
         hint = (
@@ -144,9 +100,9 @@ def _check_header(path: Path, names: list[str]) -> None:
         )
         raise BadInputError(
             f"{path}: line 1: lacks the column {', '.join(missing)} (found {found}): "
-            f"{hint}convert to s, mm and mN and name the columns so"
+            f"{hint}name the columns so, or say which is which, as in {suggestion([names])}"
         )
-    twice = sorted({name for name in names if name in (*_NEEDED, *_OPTIONAL) and names.count(name) > 1})
+    twice = sorted({name for name in names if name in (*NEEDED, *OPTIONAL) and names.count(name) > 1})
     if twice:
         raise BadInputError(f"{path}: line 1: has the column {twice[0]} twice: keep the right one")
 

@@ -131,9 +131,20 @@ def _rows(header: DdfHeader, lines: list[str]) -> tuple[dict[str, FloatArray], l
     table = np.array(values)
     wanted = [name for name in UNITS if name in header.columns]
     missing = [name for name in ("AI0", "AI1") if name not in wanted]
-    if missing:
-        return {}, [f"lacks the column {', '.join(missing)}"]
+    problem = f"lacks the column {', '.join(missing)}" if missing else _slipped(table[:, 0])
+    if problem:
+        return {}, [problem]
     return {name: np.ascontiguousarray(table[:, header.columns.index(name)]) for name in wanted}, []
+
+
+def _slipped(counted: FloatArray) -> str:
+    """Return what is wrong with the Sample column, which counts by one; the time of a sample rests on it."""
+    wrong = np.flatnonzero(np.diff(counted) != 1)
+    if not wrong.size:
+        return ""
+    before, after = counted[wrong[0]], counted[wrong[0] + 1]
+    what = "missing" if after > before else "doubled or out of order"
+    return f"Sample is {after:g} after {before:g} ({wrong.size} such place(s)): samples are {what}"
 
 
 def _bad_cell(header: DdfHeader, number: int, cells: list[str]) -> str:

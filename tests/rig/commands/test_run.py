@@ -25,7 +25,7 @@ PROTOCOL = """
 kind = "ramp_hold_retract"
 [surface]
 start_mm = 2.9
-approach_speed_mm_s = 3.0
+approach_speed_mm_s = 2.0
 [indentation]
 depth_mm = 0.3
 dwell_s = 0.3
@@ -101,7 +101,7 @@ def test_watched_then_stopped_with_ctrl_c(run: subprocess.Popen[str], tmp_path: 
 
 def test_stopped_by_a_request_from_outside(run: subprocess.Popen[str]) -> None:
     with following(run, State.HOLDING) as follower:
-        follower.request({"do": "stop"})
+        follower.request("stop")
         run.communicate(timeout=30)
     assert run.returncode == 130
 

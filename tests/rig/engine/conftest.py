@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from rig.engine.bench import Bench
+from rig.engine.control import Control
 from rig.engine.interrupts import Interrupts
 from rig.engine.progress import Snapshot
 from rig.engine.resuming import standing
@@ -52,6 +53,7 @@ class Witness:
     at: Callable[[Snapshot], None] = lambda _: None
     snapshots: list[Snapshot] = field(default_factory=list)
     samples: int = 0
+    marks: list[tuple[str, int]] = field(default_factory=list)
 
     def show(self, snapshot: Snapshot) -> None:
         self.snapshots.append(snapshot)
@@ -59,6 +61,9 @@ class Witness:
 
     def follow(self, chunk: Chunk) -> None:
         self.samples += chunk.n
+
+    def mark(self, name: str, sample: int, now: int) -> None:
+        self.marks.append((name, sample))
 
     @property
     def states(self) -> list[State]:
@@ -96,13 +101,22 @@ class OpenBench:
         *,
         witness: Witness | None = None,
         interrupts: Interrupts | None = None,
+        control: Control | None = None,
+        patience_s: float = 60.0,
     ) -> list[Recorded]:
         """Run what is left of a protocol in a folder, as `indenter run` does."""
         plan = plan_of(parse_protocol(toml, "test.toml"), 0.5, toml)
         left = standing(plan, toml, out)
         out.mkdir(exist_ok=True)
         (out / "protocol.toml").write_text(toml)
-        runner = Runner(self.bench, interrupts or Interrupts(), [witness or Witness()])
+        # what a witness does at a state it does in that state, however busy the computer
+        runner = Runner(
+            self.bench,
+            control.interrupts if control else interrupts or Interrupts(),
+            [witness or Witness()],
+            control=control,
+            patience_s=patience_s,
+        )
         return runner.run(plan, left.tasks, out)
 
 

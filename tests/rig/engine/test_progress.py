@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 
 from rig.engine.progress import Countdown, Snapshot, clock_words
@@ -39,5 +41,5 @@ def test_clock_words(seconds: float, words: str) -> None:
 
 def test_a_snapshot_survives_the_journey() -> None:
     snapshot = Snapshot("study", State.RESTING, "003", 3, 100, 12.0, 40.0, "resting")
-    message = snapshot.as_message() | {"of_a_newer_version": 1}
-    assert Snapshot.from_message(message) == snapshot
+    message = json.dumps(json.loads(snapshot.as_message()) | {"of_a_newer_version": 1})
+    assert Snapshot.from_message(message.encode()) == snapshot

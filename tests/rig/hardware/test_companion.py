@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import sys
 import textwrap
 import threading
@@ -16,7 +15,7 @@ import pytest
 from rig.hardware.clock import RemoteClock, SystemClock
 from rig.hardware.companion import Companion
 from rig.hardware.errors import CompanionError, OperatorError
-from rig.hardware.operator import ConsoleOperator, RemoteOperator, words_for
+from rig.hardware.operator import RemoteOperator, words_for
 from rig.hardware.remote import ControlService
 from rig.settings.rig_file import CompanionSettings
 
@@ -156,21 +155,6 @@ def test_the_systems_clock_goes_on() -> None:
     clock.sleep(0.02)
     clock.sleep(-1.0)
     assert 0.02 <= clock.time_s() - before_s < 5.0
-
-
-def test_a_person_is_asked_in_plain_words(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr("sys.stdin", io.StringIO("\ns\n"))
-    details = {"finger": "index", "site": "3", "repeat": 2}
-    assert ConsoleOperator().request("place_finger", details) == "done by hand"
-    assert "Place the index finger on the block, site 3, repeat 2" in " ".join(
-        capsys.readouterr().out.split()
-    )
-    with pytest.raises(OperatorError, match="the operator stopped the run"):
-        ConsoleOperator().request("remove_finger", {})
-    with pytest.raises(OperatorError, match="nobody is at the console"):
-        ConsoleOperator().request("remove_finger", {})
 
 
 def test_every_request_has_words() -> None:

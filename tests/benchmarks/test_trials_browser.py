@@ -1,0 +1,147 @@
+"""How soon a folder of trials can be browsed and overlaid. Run with `pytest -m benchmark -s` and this file."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis.recordings import write_trial
+
+os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
+
+pytestmark = pytest.mark.benchmark
+
+N_FILES, N_OVERLAID, N_SAMPLES = 2000, 100, 80_000
+LONG_MS = 300_000
+
+
+@pytest.fixture(scope="module")
+def folder(simulate: Callable[..., Any], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """2,000 trials; the first 100 of 80,000 samples, the others short: a header costs the same."""
+    folder = tmp_path_factory.mktemp("browsed")
+    long = simulate(hold_s=N_SAMPLES / 8000)
+    cut = slice(0, N_SAMPLES)
+    long = replace(
+        long,
+        position_v=long.position_v[cut],
+        force_v=long.force_v[cut],
+        command_v=long.command_v[cut],
+        phases=tuple(replace(p, stop=min(p.stop, N_SAMPLES)) for p in long.phases if p.start < N_SAMPLES),
+    )
+    short = simulate(hold_s=0.1, dwell_s=0.1)
+    rng = np.random.default_rng(0)
+    for i in range(N_FILES):
+        trial = long if i < N_OVERLAID else short
+        depth_mm = float(rng.choice([0.2, 0.4, 0.6, 0.8]))
+        trial = replace(trial, trial_id=str(i), protocol=replace(trial.protocol, depth_mm=depth_mm))
+        write_trial(folder / f"{i:04d}.h5", trial)
+    return folder
+
+
+class Gaps:
+    """The longest time in which the event loop answered nothing, by a timer of 5 ms."""
+
+    def __init__(self, qtimer: Any) -> None:
+        self.longest_s, self._last = 0.0, time.perf_counter()
+        self._timer = qtimer()
+        self._timer.timeout.connect(self._tick)
+        self._timer.start(5)
+
+    def _tick(self) -> None:
+        now = time.perf_counter()
+        self.longest_s, self._last = max(self.longest_s, now - self._last), now
+
+    def begin(self) -> None:
+        self.longest_s, self._last = 0.0, time.perf_counter()
+
+
+@pytest.fixture(scope="module")
+def page(qapp: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    from rig.gui.habits import Habits
+    from rig.gui.pages.trials import TrialsPage
+    from rig.gui.worker import Worker
+
+    home = tmp_path_factory.mktemp("home")
+    before = os.environ.get("XDG_CACHE_HOME")
+    os.environ["XDG_CACHE_HOME"] = str(home)
+    worker = Worker()
+    page = TrialsPage(worker, Habits(home / "window.json"))
+    page.resize(1276, 690)
+    page.show()
+    yield page
+    page.hide()
+    worker.close()
+    if before is None:
+        del os.environ["XDG_CACHE_HOME"]
+    else:
+        os.environ["XDG_CACHE_HOME"] = before
+
+
+def test_a_folder_of_2000_trials(page: Any, folder: Path, qtbot: Any) -> None:
+    from PySide6.QtCore import QTimer
+
+    qtbot.waitUntil(lambda: not page._worker.busy, timeout=LONG_MS)  # warm, as in a window that is open
+    gaps = Gaps(QTimer)
+    for visit in ("first visit", "with the index"):
+        page.table.clear()
+        page.folder = None
+        gaps.begin()
+        begun = time.perf_counter()
+        page.open_folder(folder)
+        qtbot.waitUntil(lambda: len(page.table.rows) == N_FILES, timeout=LONG_MS)
+        listed_s = time.perf_counter() - begun
+        page.view.scrollToBottom()
+        page.grab()
+        browsable_s = time.perf_counter() - begun
+        qtbot.waitUntil(lambda: all(row.header for row in page.table.rows), timeout=LONG_MS)
+        read_s = time.perf_counter() - begun
+        qtbot.waitUntil(lambda: not page._worker.busy, timeout=LONG_MS)
+        print(
+            f"\n{N_FILES} trials, {visit}: listed {listed_s:.2f} s, scrolled and painted {browsable_s:.2f} s, "
+            f"every header {read_s:.2f} s; longest gap of the event loop {1e3 * gaps.longest_s:.0f} ms"
+        )
+        assert browsable_s < 2.0
+        begun = time.perf_counter()
+        page._search.setText("0.40 -discarded")
+        filtered_s = time.perf_counter() - begun
+        begun = time.perf_counter()
+        page.view.sortByColumn(2, page.view.horizontalHeader().sortIndicatorOrder().DescendingOrder)
+        sorted_s = time.perf_counter() - begun
+        print(f"  filter {1e3 * filtered_s:.0f} ms to {page.filter.rowCount()}, sort {1e3 * sorted_s:.0f} ms")
+        page._search.setText("")
+        page.view.sortByColumn(0, page.view.horizontalHeader().sortIndicatorOrder().AscendingOrder)
+    assert read_s < 2.0
+
+
+def test_overlay_of_100_trials(page: Any, folder: Path, qtbot: Any) -> None:
+    from PySide6.QtCore import QTimer
+
+    from rig.gui.overlay import Chosen
+
+    qtbot.waitUntil(lambda: not page._worker.busy, timeout=LONG_MS)
+    chosen = [Chosen(str(folder / f"{i:04d}.h5"), "", 0.1 * (i % 4), str(i)) for i in range(N_OVERLAID)]
+    gaps = Gaps(QTimer)
+    times_s = []
+    for what in ("read from files", "in memory"):
+        page.overlay.show_chosen([])
+        qtbot.waitUntil(lambda: not page.overlay.plot.shown, timeout=LONG_MS)
+        gaps.begin()
+        begun = time.perf_counter()
+        page.overlay.show_chosen(chosen)
+        qtbot.waitUntil(lambda: len(page.overlay.plot.shown) == N_OVERLAID, timeout=LONG_MS)
+        page.overlay.plot.grab()
+        times_s.append(time.perf_counter() - begun)
+        begun = time.perf_counter()
+        page.overlay.plot.grab()
+        print(
+            f"\noverlay of {N_OVERLAID} trials of {N_SAMPLES} samples, {what}: {times_s[-1]:.2f} s; one repaint "
+            f"{1e3 * (time.perf_counter() - begun):.0f} ms, longest gap {1e3 * gaps.longest_s:.0f} ms"
+        )
+    assert times_s[0] < 1.0

@@ -1,0 +1,320 @@
+"""The real window drives the simulated rig in real time: connect, run, abort, discard, repeat, resume, die."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from PySide6.QtCore import QPoint, Qt
+from PySide6.QtTest import QTest
+from PySide6.QtWidgets import QApplication, QComboBox, QMenu, QMessageBox
+
+from analysis.recordings import read_trial
+from rig.engine.states import State
+from rig.gui.habits import Habits
+from rig.gui.window import Window
+
+PATIENCE_MS = 40_000
+STUDY = """kind = "study"
+[study]
+fingers = ["index"]
+depths_mm = [0.3]
+repeats = {repeats}
+rest_s = 1.0
+[surface]
+start_mm = 2.5
+approach_speed_mm_s = {approach}
+[indentation]
+dwell_s = 0.3
+ramp_speed_mm_s = 0.3
+hold_s = {hold}
+"""
+
+
+class Asked:
+    """Answers the window's questions in the place of a person: with the choice that is named."""
+
+    def __init__(self) -> None:
+        self.answer = ""
+        self.asked: list[str] = []
+
+    def __call__(self, _: Any, title: str, text: str, choices: Any) -> None:
+        self.asked.append(f"{title}: {text}")
+        if self.answer in choices:
+            choices[self.answer]()
+
+
+class Driver:
+    """A window on the rig, and a hand on its keys."""
+
+    def __init__(self, window: Window, question: Asked, folder: Path, qtbot: Any) -> None:
+        self.window, self.question, self.folder, self.qtbot = window, question, folder, qtbot
+
+    def until(self, condition: Callable[[], object]) -> None:
+        self.qtbot.waitUntil(lambda: bool(condition()), timeout=PATIENCE_MS)
+
+    def load(self, name: str, *, hold: float = 20.0, approach: float = 3.0, repeats: int = 1) -> Path:
+        protocol = self.folder / f"{name}.toml"
+        protocol.write_text(STUDY.format(hold=hold, approach=approach, repeats=repeats))
+        assert self.window.study.load(protocol, self.folder / name)
+        return self.folder / name
+
+    def start(self, *, by_bench: bool = True) -> None:
+        self.window.study.by_bench.setChecked(by_bench)
+        self.window.shell.show_page("Study")
+        self.press(Qt.Key.Key_F5)
+
+    def press(self, key: Qt.Key, modifier: Any = Qt.KeyboardModifier.NoModifier) -> None:
+        QTest.keyClick(QApplication.focusWidget() or self.window, key, modifier)
+
+    @property
+    def state(self) -> State:
+        return self.window.link.state.snapshot.state
+
+    def at_rest(self) -> bool:
+        return not self.window.link.state.running and self.state is State.IDLE
+
+    def log(self) -> str:
+        return self.window.log.view.toPlainText()
+
+
+def make_window(folder: Path, question: Asked) -> Window:
+    window = Window(Habits(folder / "habits.json"), folder / "logs", question)
+    window.resize(1366, 768)
+    window.show()
+    return window
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory, real_time_rig: str) -> Iterator[Path]:
+    folder = tmp_path_factory.mktemp("window")
+    patch = pytest.MonkeyPatch()
+    for name, value in (
+        ("INDENTER_RUNTIME_DIR", "runs"),
+        ("XDG_CACHE_HOME", "cache"),
+        ("XDG_CONFIG_HOME", "config"),
+        ("XDG_DATA_HOME", "data"),
+    ):
+        patch.setenv(name, str(folder / value))
+    stage = '[stage]\nport = "companion:stage"\n[balance]\nport = "companion:balance"\n'
+    (folder / "rig.toml").write_text(stage + real_time_rig)
+    yield folder
+    patch.undo()
+
+
+@pytest.fixture(scope="module")
+def opened(folder: Path, qapp: QApplication) -> Iterator[tuple[Window, Asked]]:
+    question = Asked()
+    window = make_window(folder, question)
+    window.connect_rig(folder / "rig.toml")
+    yield window, question
+    question.answer = "Stop the run and close"
+    window.close()
+
+
+@pytest.fixture
+def drive(opened: tuple[Window, Asked], folder: Path, qtbot: Any, monkeypatch: pytest.MonkeyPatch) -> Driver:
+    window, question = opened
+    monkeypatch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
+    driver = Driver(window, question, folder, qtbot)
+    driver.until(lambda: window.link.state.link == "open" and driver.at_rest())
+    return driver
+
+
+def test_it_connects_and_shows_the_arm_at_rest(drive: Driver) -> None:
+    window = drive.window
+    drive.until(lambda: window.link.bins is not None and window.link.bins.next_sample > 8000)
+    assert window.link.state.simulated
+    assert window.shell.header._rig.text() == "SIMULATED RIG"
+    window.shell.show_page("Live")
+    drive.until(lambda: "0.5" in window.readouts._position.text())
+    x, y = window.live.plot._curves[0].getData()
+    assert len(x) > 100
+    assert abs(y[-1] - 0.5) < 0.1
+    assert "connected" in drive.log()
+
+
+def test_a_trial_by_hand_is_run_shown_and_fitted(drive: Driver) -> None:
+    window = drive.window
+    out = drive.load("by_hand", hold=1.5)
+    drive.start(by_bench=False)
+    drive.until(lambda: window.shell.banner.stands)
+    assert "Place the index finger" in window.shell.banner._words.text()
+    time.sleep(0.7)  # an Enter that was on its way answers nothing
+    window.study._view.setFocus()
+    drive.press(Qt.Key.Key_Return)
+    drive.until(lambda: drive.state is State.HOLDING)
+    assert window.shell.header._file.text() == "writing by_hand/001_index_0.30mm_r1.h5"
+    drive.until(drive.at_rest)
+    drive.until(lambda: window.study.table.rows[0].a0_mn)
+    assert read_trial(out / "001_index_0.30mm_r1.h5").status == "complete"
+    assert window.study.table.rows[0].state == "complete"
+    assert window.link.state.snapshot.n_lost == 0
+    names = [mark.name for mark in window.link.marks]
+    assert {"approach", "dwell", "ramp", "hold", "retract"} <= set(names)
+
+
+@pytest.mark.parametrize("when", [State.APPROACHING, State.RAMPING, State.HOLDING])
+def test_esc_takes_the_arm_off_the_skin(drive: Driver, when: State) -> None:
+    window = drive.window
+    slow = 0.3 if when is State.APPROACHING else 3.0
+    out = drive.load(f"esc_{when}", approach=slow)
+    drive.start()
+    drive.until(lambda: drive.state is when)
+    drive.press(Qt.Key.Key_Escape)
+    drive.until(drive.at_rest)
+    assert "abort: done, the arm rests at the safe position" in window.shell._status.text()
+    trial = read_trial(out / "001_index_0.30mm_r1.h5")
+    assert trial.status == "aborted"
+    assert "stopped by the operator" in trial.status_reason
+    drive.until(lambda: "0.5" in window.readouts._position.text())
+    window.shell.clear()
+
+
+def test_esc_reaches_the_arm_from_wherever_the_focus_is(drive: Driver) -> None:
+    window = drive.window
+    heard: list[float] = []
+    real, window.keys._abort = window.keys._abort, lambda: heard.append(time.monotonic())
+    window.keys._running = lambda: True
+    try:
+        for n, (what, undo) in enumerate(_situations(window), start=1):
+            widget = what()
+            QApplication.processEvents()
+            QTest.keyClick(widget or QApplication.focusWidget() or window, Qt.Key.Key_Escape)
+            assert heard, f"situation {n}: {widget}"
+            heard.clear()
+            undo()
+            QTest.qWait(2)
+    finally:
+        window.keys._abort = real
+        window.keys._running = lambda: window.link.state.running
+
+
+def _situations(window: Window) -> list[tuple[Callable[[], Any], Callable[[], Any]]]:
+    study, trials = window.study, window.trials
+    menu, box = QMenu(window), QMessageBox(window)
+    menu.addAction("something")
+    combo = window.live.findChild(QComboBox)
+
+    def page(name: str, focus: Any) -> Callable[[], Any]:
+        def go() -> Any:
+            window.shell.show_page(name)
+            focus.setFocus()
+            return focus
+
+        return go
+
+    def nothing() -> None:
+        return None
+
+    found: list[tuple[Callable[[], Any], Callable[[], Any]]] = [
+        (page("Live", window.live), nothing),
+        (page("Live", combo), nothing),
+        (lambda: (combo.showPopup(), combo.view())[1], combo.hidePopup),  # type: ignore[union-attr]
+        (page("Study", study._view), nothing),
+        (lambda: (study._bar.show(), study._reason.lineEdit())[1], study._bar.hide),
+        (page("Log", window.log.view), nothing),
+        (page("Trials", trials), nothing),
+        (page("Calibrate", window.calibration._start), nothing),
+        (lambda: (menu.popup(QPoint(10, 10)), menu)[1], menu.close),
+        (lambda: (box.open(), box)[1], lambda: box.done(0)),
+    ]
+    return found
+
+
+def test_discard_restore_and_repeat(drive: Driver) -> None:
+    window = drive.window
+    out = drive.load("again", hold=0.5, repeats=2)
+    drive.start()
+    drive.until(lambda: drive.state is State.RESTING or window.link.state.snapshot.trial_number == 2)
+    first = out / "001_index_0.30mm_r1.h5"
+    window.study._view.selectRow(0)
+    drive.press(Qt.Key.Key_D, Qt.KeyboardModifier.ControlModifier)
+    assert window.study._bar.isVisible()
+    QTest.keyClick(window.study._reason.lineEdit(), Qt.Key.Key_Return)
+    window.study._view.selectRow(0)
+    drive.press(Qt.Key.Key_R, Qt.KeyboardModifier.ControlModifier)
+    drive.until(drive.at_rest)
+    assert read_trial(first).discarded == "the finger moved"
+    assert read_trial(out / "001_index_0.30mm_r1_again2.h5").status == "complete"
+    assert [row.state for row in window.study.table.rows] == ["complete", "complete"]
+    # nothing runs now: the window itself marks, and takes back
+    second = out / "002_index_0.30mm_r2.h5"
+    window.discard(second, "bad contact")
+    drive.until(lambda: window.study.table.rows[1].state == "discarded")
+    window.restore(second)
+    drive.until(lambda: window.study.table.rows[1].state == "complete")
+    assert read_trial(second).discarded == ""
+
+
+def test_pause_retreat_and_go_on(drive: Driver) -> None:
+    window = drive.window
+    out = drive.load("pause", hold=3.0, repeats=2)
+    drive.start()
+    drive.until(lambda: drive.state is State.HOLDING)
+    window.actions_by_name["Retreat"].trigger()
+    drive.until(lambda: drive.state is State.PAUSED)
+    assert read_trial(out / "001_index_0.30mm_r1.h5").status == "aborted"
+    assert window.actions_by_name["Go on"].isEnabled()
+    window.actions_by_name["Go on"].trigger()
+    drive.until(lambda: drive.state is State.HOLDING)
+    drive.question.answer = "Stop the run"
+    window.actions_by_name["Stop"].trigger()
+    drive.until(drive.at_rest)
+
+
+def test_closing_in_a_run_asks_first(drive: Driver) -> None:
+    window = drive.window
+    drive.load("closing")
+    drive.start()
+    drive.until(lambda: drive.state is State.HOLDING)
+    drive.question.answer = "Stay"
+    assert not window.close()
+    assert window.isVisible()
+    assert "A run is in progress" in drive.question.asked[-1]
+    drive.press(Qt.Key.Key_Escape)
+    drive.until(drive.at_rest)
+
+
+def test_the_rigs_program_is_killed_and_the_study_is_gone_on_with(drive: Driver) -> None:
+    window = drive.window
+    out = drive.load("killed", hold=1.0, repeats=2)
+    drive.start()
+    drive.until(lambda: window.link.state.snapshot.trial_number == 2 and drive.state is State.HOLDING)
+    assert window.link.process is not None
+    os.kill(window.link.process.pid, signal.SIGKILL)
+    drive.until(lambda: window.link.state.link == "died")
+    assert "has ended while holding" in window.link.state.trouble
+    assert window.shell.header._doing.text() == "the rig's program has died"
+    # the guard holds the bench until the arm is clear; another can be started all the same
+    window.connect_rig(drive.folder / "rig.toml")
+    drive.until(lambda: window.link.state.link == "open")
+    assert window.study.load(drive.folder / "killed.toml", out)
+    drive.until(lambda: window.study.table.rows[0].state == "complete")
+    drive.start()
+    drive.until(lambda: drive.state is State.HOLDING)
+    drive.until(drive.at_rest)
+    assert read_trial(out / "002_index_0.30mm_r2_again2.h5").status == "complete"
+    assert window.study.table.n_done() == 2
+
+
+def test_keys_are_listed_from_the_actions(drive: Driver) -> None:
+    drive.window.shell.show_page("Live")
+    drive.press(Qt.Key.Key_F1)
+    keys = drive.question.asked[-1]
+    for part in ("Esc: ABORT", "F5: start", "Ctrl+D: mark", "F: hold the view still", "Ctrl+1: page Live"):
+        assert part in keys
+
+
+def test_two_looks(drive: Driver) -> None:
+    drive.window.take_theme("dark")
+    dark = drive.window.live.plot._plots[0].backgroundBrush().color().lightness()
+    drive.window.take_theme("light")
+    light = drive.window.live.plot._plots[0].backgroundBrush().color().lightness()
+    assert dark < 60
+    assert light > 200

@@ -72,12 +72,12 @@ def calibrate_on_bench(
     tasks = [Task(trial, trials / f"{trial.name}.h5") for trial in plan.trials]
     recorded = run_on_bench(bench, plan, tasks, trials, console=console)
     if isinstance(protocol, PositionCalibration):
-        return _position(protocol, recorded, folder, console)
-    return _force(protocol, recorded, folder, console)
+        return _position(protocol, recorded, folder, console, bench.rig)
+    return _force(protocol, recorded, folder, console, bench.rig)
 
 
 def _position(
-    protocol: PositionCalibration, recorded: Sequence[Recorded], folder: Path, console: Console
+    protocol: PositionCalibration, recorded: Sequence[Recorded], folder: Path, console: Console, rig: str
 ) -> Path:
     contacts = [
         (_height_um(done), read_trial(done.task.path))
@@ -92,6 +92,7 @@ def _position(
         "position",
         result.constants,
         result.line,
+        rig=rig,
         valid_days=protocol.valid_days,
         about={"threshold_v": protocol.threshold_v, "x": "stage, mm"},
     )
@@ -101,7 +102,9 @@ def _height_um(done: Recorded) -> float:
     return next(step.position_um for step in done.task.trial.preparations if isinstance(step, MoveStage))
 
 
-def _force(protocol: ForceCalibration, recorded: Sequence[Recorded], folder: Path, console: Console) -> Path:
+def _force(
+    protocol: ForceCalibration, recorded: Sequence[Recorded], folder: Path, console: Console, rig: str
+) -> Path:
     hung = [(done.mass_g, read_trial(done.task.path)) for done in recorded if done.mass_g is not None]
     upright = read_trial(recorded[0].task.path)
     result = force_constants(hung, upright, protocol.gravity_m_s2, protocol.level_within_deg)
@@ -112,6 +115,7 @@ def _force(protocol: ForceCalibration, recorded: Sequence[Recorded], folder: Pat
         "force",
         result.constants,
         result.line,
+        rig=rig,
         valid_days=protocol.valid_days,
         about={"arm_mass_g": result.arm_mass_g, "x": "weight, mN"},
     )

@@ -17,7 +17,7 @@ class Bench:
     """An open bench.
 
     `answers` asks a person, where there is one, for what a missing device would say. `read_s` is the time
-    read and written at once while nothing happens.
+    read and written at once while nothing happens. `rig` is the rig's name.
     """
 
     lever: Lever
@@ -28,3 +28,4 @@ class Bench:
     source: Source
     answers: ConsoleAnswers | None = None
     read_s: float = 0.05
+    rig: str = ""

@@ -83,4 +83,5 @@ def open_bench(rig: RigFile, calibration: Calibration) -> Iterator[Bench]:
             source="simulated" if rig.companion is not None else "nidaqmx",
             answers=ConsoleAnswers() if rig.operator is None else None,
             read_s=min(_LONGEST_READ_S, 2 * rig.card.read_interval_s),
+            rig=rig.name,
         )

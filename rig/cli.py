@@ -62,8 +62,13 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _failed(code: int, error: BaseException | str) -> int:
-    print("indenter:", " ".join(str(error).split()), file=sys.stderr)
+    print("indenter:", _plain(" ".join(str(error).split())), file=sys.stderr)
     return code
+
+
+def _plain(text: str) -> str:
+    """Return text that may come from a stranger's file without what a terminal would obey."""
+    return "".join(character if character.isprintable() else "\ufffd" for character in text)
 
 
 def _demo(given: argparse.Namespace) -> None:
@@ -82,7 +87,7 @@ def _run(given: argparse.Namespace) -> None:
     if given.protocol is None:
         raise BadInputError("indenter run: no protocol file: give one, or --example DIR to get some")
     out = given.out or Path(given.protocol.stem)
-    print(run_protocol_file(given.protocol, rig=given.rig, out=out))
+    print(run_protocol_file(given.protocol, rig=given.rig, out=out, accept=given.accept))
 
 
 def _calibrate(given: argparse.Namespace) -> None:
@@ -155,7 +160,7 @@ def _rescue(given: argparse.Namespace) -> int:
     outcomes = rescue_paths(given.paths)
     for outcome in outcomes:
         unreadable = outcome.result == "unreadable"
-        print(f"{outcome.path}: {outcome.action}", file=sys.stderr if unreadable else sys.stdout)
+        print(_plain(f"{outcome.path}: {outcome.action}"), file=sys.stderr if unreadable else sys.stdout)
     return EXIT_BAD_INPUT if all(outcome.result == "unreadable" for outcome in outcomes) else EXIT_OK
 
 
@@ -238,6 +243,12 @@ def _add_bench_commands(commands: argparse._SubParsersAction[_OneLineParser]) ->
     )
     run.add_argument(
         "--example", type=Path, metavar="DIR", help="write rig and protocol files, every key explained"
+    )
+
+    run.add_argument(
+        "--accept",
+        action="store_true",
+        help="go on with a calibration that has expired, or that differs from the study's",
     )
 
     calibrate = commands.add_parser("calibrate", help="measure the constants of position or force")

@@ -272,7 +272,7 @@ class Runner:
             calibration=lever.calibration,
             protocol=trial.summary,
             specimen=self._specimen(trial),
-            log=(f"recorded by indenter as {trial.name}", *prepared.words),
+            log=(f"recorded by indenter as {trial.name} on the rig {self._bench.rig!r}", *prepared.words),
         )
         travel_mm = lever.limits.travel_max_mm - lever.limits.travel_min_mm
         room_s = trial.longest_s(travel_mm) + _ROOM_S

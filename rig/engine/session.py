@@ -82,4 +82,5 @@ def open_bench(rig: RigFile, calibration: Calibration) -> Iterator[Bench]:
             balance=balance,
             source="simulated" if rig.companion is not None else "nidaqmx",
             read_s=min(_LONGEST_READ_S, 2 * rig.card.read_interval_s),
+            rig=rig.name,
         )

@@ -145,6 +145,6 @@ def _add_fit(file: Any, trial: Trial) -> None:
     for name, estimate in told.items():
         table.add_row(quantity=name, value=estimate.value, standard_error=estimate.se)
     module = file.create_processing_module(
-        name="relaxation", description=f"fit; flags: {fit.flags or 'none'}"
+        name="misc", description=f"relaxation fit; flags: {fit.flags or 'none'}"
     )
     module.add(table)

@@ -101,7 +101,7 @@ def test_nwb_is_valid_and_in_si_units(folder: Path, tmp_path: Path):
             assert [tags[0] for tags in epochs["tags"]] == [phase.name for phase in trial.phases]
             assert made.acquisition["events"].data[0] == "limit: near the end"
             assert made.subject.species == "Homo sapiens"
-            table = made.processing["relaxation"]["relaxation_fit"].to_dataframe().set_index("quantity")
+            table = made.processing["misc"]["relaxation_fit"].to_dataframe().set_index("quantity")
             assert table.loc["t1_s", "value"] == pytest.approx(2.279, rel=0.1)
         with NWBHDF5IO(tmp_path / "uneven.nwb", "r") as file:
             made = file.read()

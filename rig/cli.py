@@ -139,6 +139,16 @@ def _fit(given: argparse.Namespace) -> None:
     print(page)
 
 
+def _export(given: argparse.Namespace) -> None:
+    from analysis.export.exporting import export_trials
+
+    done = export_trials(given.paths, given.to, given.out)
+    for path in done.written:
+        print(path)
+    for _, reason in done.left_out:
+        print("indenter: left out:", " ".join(reason.split()), file=sys.stderr)
+
+
 def _diagnose(given: argparse.Namespace) -> None:
     from analysis.mismatch.diagnose import diagnose_paths
 
@@ -204,6 +214,7 @@ _COMMANDS: dict[str, Callable[[argparse.Namespace], int | None]] = {
     "safe": _safe,
     "import": _import,
     "fit": _fit,
+    "export": _export,
     "diagnose": _diagnose,
     "prove": _prove,
     "rescue": _rescue,
@@ -323,6 +334,11 @@ def _add_analysis_commands(commands: argparse._SubParsersAction[_OneLineParser])
     fit.add_argument("--intervals", action="store_true", help="profile intervals of every trial as well")
     fit.add_argument("--joint", action="store_true", help="one solid for all trials of a finger as well")
     fit.add_argument("--dask", metavar="ADDRESS", help="send the trials to this Dask scheduler")
+
+    export = commands.add_parser("export", help="trials and fits for other programs: CSV, NWB, Parquet")
+    export.add_argument("paths", type=Path, nargs="+", metavar="FILE|DIR")
+    export.add_argument("--to", required=True, choices=("csv", "nwb", "parquet"))
+    export.add_argument("--out", type=Path, required=True, metavar="OUT", help="folder of what is written")
 
     diagnose = commands.add_parser(
         "diagnose", help="compare simulation and recordings; name what was left out"

@@ -65,7 +65,8 @@ def _deform(mesh: Any, pad: PadFile) -> Any:
 
     moved = GridFunction(VectorH1(mesh, order=pad.mesh.order))
     by_layer = {name: displacement_of_map(pad.geometry, i + 1, x, y, z) for i, name in enumerate(LAYERS)}
-    moved.Set(mesh.MaterialCF(by_layer))
+    # by values at nodes, which leave the plane of symmetry where it is; a mean over elements would not
+    moved.Set(mesh.MaterialCF(by_layer), dual=True)
     mesh.SetDeformation(moved)
     return moved
 

@@ -187,6 +187,12 @@ def _fingertip(given: argparse.Namespace) -> None:
 
     if given.what == "example":
         print(commands.write_example(given.folder))
+    elif given.what == "compare":
+        motion = {"depth_mm": given.depth, "speed_mm_s": given.speed, "hold_s": given.hold}
+        print(commands.compare_surface(given.surface, out=given.out, cache=given.cache, **motion))
+    elif given.what == "receptor":
+        depths = {"shallowest_mm": given.shallowest, "deepest_mm": given.deepest}
+        print(commands.predict_receptor(out=given.out, rates=given.rates, cache=given.cache, **depths))
     else:
         print(
             commands.calibrate_pads(
@@ -370,6 +376,23 @@ def _add_fingertip_commands(commands: argparse._SubParsersAction[_OneLineParser]
     calibrate.add_argument("--pad", type=Path, metavar="pad.toml", help="without it, the pad that ships")
     calibrate.add_argument("--finger", help="only the trials of this finger")
     _add_pad_folders(calibrate)
+
+    compare = parts.add_parser(
+        "compare", help="a measured surface beside the calibrated pads: which ratio fits"
+    )
+    compare.add_argument("surface", type=Path, metavar="SURFACE.csv", help="position_mm, deflection_mm")
+    compare.add_argument("--depth", type=_positive, default=0.5, metavar="MM", help="of the line")
+    compare.add_argument("--speed", type=_positive, default=0.5, metavar="MM_S", help="of the line")
+    compare.add_argument(
+        "--hold", type=_positive, default=3.0, metavar="S", help="until the surface was measured"
+    )
+    _add_pad_folders(compare)
+
+    receptor = parts.add_parser("receptor", help="strain energy at a receptor under a plate, over time")
+    receptor.add_argument("--rates", type=Path, metavar="RATES.csv", help="time_s, rate_hz of a receptor")
+    receptor.add_argument("--shallowest", type=_positive, default=0.4, metavar="MM")
+    receptor.add_argument("--deepest", type=_positive, default=1.0, metavar="MM")
+    _add_pad_folders(receptor)
 
 
 def _add_pad_folders(parser: argparse.ArgumentParser) -> None:

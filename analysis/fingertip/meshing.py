@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from analysis.fingertip.geometry import FAR_MM, displacement_of_map, surfaces
+from analysis.fingertip.geometry import FAR_MM, capsule_x_mm, displacement_of_map, surfaces
 from analysis.fingertip.pad_file import LAYERS, Geometry, PadFile
 
 Load = Literal["punch", "line", "plate"]
@@ -19,6 +19,8 @@ SYMMETRY = "symmetry"
 LINE_WIDTH_MM, LINE_LENGTH_MM = 0.02, 5.0  # Kumar et al. 2015
 _STRIP_DEPTH_MM = 0.05
 """Depth of the sliver of epidermis that is cut out under the line, so that the mesh follows its edges."""
+_ACROSS = 0.55
+"""Of the pad's half-width: what a plate pressed half a millimetre deep can touch."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +65,8 @@ def _deform(mesh: Any, pad: PadFile) -> Any:
 
     moved = GridFunction(VectorH1(mesh, order=pad.mesh.order))
     by_layer = {name: displacement_of_map(pad.geometry, i + 1, x, y, z) for i, name in enumerate(LAYERS)}
-    moved.Set(mesh.MaterialCF(by_layer))
+    # by values at nodes, which leave the plane of symmetry where it is; a mean over elements would not
+    moved.Set(mesh.MaterialCF(by_layer), dual=True)
     mesh.SetDeformation(moved)
     return moved
 
@@ -132,13 +135,13 @@ def _pressed_part(pad: PadFile, load: Load, skin: Any, first: Any) -> Any:
         tool = Cylinder(Pnt(0, 0, z_mm), Y, r=pad.punch.diameter_mm / 2, h=FAR_MM)
         name = PUNCH
     elif load == "line":
-        half_width, half_length = LINE_WIDTH_MM / 2, LINE_LENGTH_MM / 2
+        half_width, half_length = LINE_WIDTH_MM / 2, capsule_x_mm(pad.geometry, LINE_LENGTH_MM / 2)
         tool = Box(Pnt(0, 0, z_mm - half_width), Pnt(half_length, FAR_MM, z_mm + half_width))
         first = skin.Move((0, -_STRIP_DEPTH_MM, 0))
         name = STRIP
     else:
-        reach = plate_reach_mm(pad.geometry)
-        tool = Box(Pnt(0, 0, z_mm - reach[1]), Pnt(reach[0], FAR_MM, min(z_mm + reach[1], -1e-3)))
+        across, back, forth = _plate_reach_mm(pad)
+        tool = Box(Pnt(0, 0, back), Pnt(across, FAR_MM, forth))
         name = PLATE
     tool.faces.name = "inside"
     piece = (skin * tool) - first
@@ -146,9 +149,16 @@ def _pressed_part(pad: PadFile, load: Load, skin: Any, first: Any) -> Any:
     return piece
 
 
-def plate_reach_mm(geometry: Geometry) -> tuple[float, float]:
-    """Return how far from the first touch skin is looked at for contact with a plate, across and along (mm)."""
-    return 0.55 * geometry.half_width_mm.value, 0.6 * geometry.tip_length_mm.value
+def _plate_reach_mm(pad: PadFile) -> tuple[float, float, float]:
+    """Return where skin is looked at for contact with the plate, in the mesher's coordinates: x, and z from, to."""
+    geometry = pad.geometry
+    half, middle = pad.plate.length_mm.value / 2, geometry.contact_z_mm.value
+    back = max(middle - half, -geometry.tube_length_mm.value + 0.2)
+    forth = middle + half
+    if forth > 0:
+        # the tip of the capsule is as long as the finger is wide
+        forth *= geometry.half_width_mm.value / geometry.tip_length_mm.value
+    return _ACROSS * geometry.half_width_mm.value, back, min(forth, 0.8 * geometry.half_width_mm.value)
 
 
 def _rename(shape: Any, old: str, new: str) -> None:
@@ -163,7 +173,7 @@ def _refine(whole: Any, pad: PadFile, load: Load) -> None:
     refined: dict[str, Callable[[Any], None]] = {
         PUNCH: lambda face: _refine_rim(face, smallest),
         STRIP: lambda face: _set_size(face, 4 * smallest),
-        PLATE: lambda face: _set_size(face, 20 * smallest),
+        PLATE: lambda face: _set_size(face, pad.mesh.size_mm / 2),
     }
     for face in whole.faces:
         if face.name in refined:

@@ -19,7 +19,7 @@ from rig.engine.states import State
 from rig.gui.habits import Habits
 from rig.gui.window import Window
 
-PATIENCE_MS = 40_000
+PATIENCE_MS = 20_000
 STUDY = """kind = "study"
 [study]
 fingers = ["index"]
@@ -70,6 +70,9 @@ class Driver:
         self.press(Qt.Key.Key_F5)
 
     def press(self, key: Qt.Key, modifier: Any = Qt.KeyboardModifier.NoModifier) -> None:
+        if QApplication.activeWindow() is None:  # without a screen nobody hands it back after a dialog
+            self.window.activateWindow()
+            self.qtbot.waitUntil(lambda: QApplication.activeWindow() is self.window)
         QTest.keyClick(QApplication.focusWidget() or self.window, key, modifier)
 
     @property
@@ -189,7 +192,9 @@ def test_esc_reaches_the_arm_from_wherever_the_focus_is(drive: Driver) -> None:
             assert heard, f"situation {n}: {widget}"
             heard.clear()
             undo()
-            QTest.qWait(2)
+            QTest.qWait(20)
+            assert QApplication.activePopupWidget() is None, f"situation {n}: undone"
+            assert QApplication.activeModalWidget() is None, f"situation {n}: undone"
     finally:
         window.keys._abort = real
         window.keys._running = lambda: window.link.state.running

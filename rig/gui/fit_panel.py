@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
-from math import floor, log10
 from pathlib import Path
 
 import pyqtgraph as pg
@@ -24,6 +23,7 @@ from analysis.relaxation.study import Summary, summarise, value_of
 from rig.gui.controls import say, words
 from rig.gui.habits import Habits
 from rig.gui.jobs.fitting import FitPicture, fit_rows, picture_fit
+from rig.gui.numbers import with_error
 from rig.gui.theme import LIGHT, Theme, restyle_plot
 from rig.gui.worker import Worker
 
@@ -226,8 +226,8 @@ class FitPanel(QWidget):
             value = value_of(row, name) if row is not None else None
             estimate = row.estimates.get(name) if row is not None else None
             summary = group.get(name)
-            own = "" if value is None else _with_error(value, estimate.se if estimate else None)
-            mean = "" if summary is None else _with_error(summary.mean, summary.sd)
+            own = "" if value is None else with_error(value, estimate.se if estimate else None)
+            mean = "" if summary is None else with_error(summary.mean, summary.sd)
             for column, text in enumerate((own, mean, str(summary.n) if summary else ""), start=1):
                 item = QTableWidgetItem(text)
                 item.setTextAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
@@ -268,14 +268,6 @@ def _flag_words(picture: FitPicture) -> tuple[str, str]:
     if row.discarded:
         raised.insert(0, f"discarded: {row.discarded}")
     return ("\n".join(raised), "bad") if raised else ("✓ no check raised", "good")
-
-
-def _with_error(value: float, error: float | None) -> str:
-    """Write a value to the second digit of its error, where it has one."""
-    if error is None or not error > 0:
-        return f"{value:.4g}"
-    digits = max(0, 1 - floor(log10(error)))
-    return f"{value:.{digits}f} ± {error:.{digits}f}"
 
 
 def _tip(column: int, group_words: str) -> str:

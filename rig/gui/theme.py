@@ -135,6 +135,8 @@ def restyle_plot(plot: Any, theme: Theme) -> None:
     item.titleLabel.setAttr("color", theme.text)
     if item.legend is not None:
         item.legend.setLabelTextColor(theme.text)
+        for _, label in item.legend.items:
+            label.setText(label.text, color=theme.text)
 
 
 def _style_sheet(theme: Theme) -> str:
@@ -148,6 +150,8 @@ def _style_sheet(theme: Theme) -> str:
         QLineEdit[faulty="true"] {{ border: 2px solid {theme.bad}; }}
         QPushButton {{ border: 1px solid {theme.line}; border-radius: 3px; padding: 4px 12px;
             background: {theme.raised}; }}
+        QCheckBox::indicator:unchecked {{ width: 12px; height: 12px; border: 1px solid {theme.faint};
+            background: {theme.ground}; }}
         QPushButton:hover {{ border-color: {theme.accent}; }}
         QPushButton:pressed {{ background: {theme.line}; }}
         QPushButton:disabled {{ color: {theme.faint}; }}
@@ -158,6 +162,7 @@ def _style_sheet(theme: Theme) -> str:
         QLabel[role="note"] {{ color: {theme.note}; }}
         QLabel[role="faint"] {{ color: {theme.faint}; }}
         QLabel[role="heading"] {{ font-size: 13pt; font-weight: bold; }}
+        QLabel[role="strong"] {{ font-weight: bold; }}
         QToolTip {{ color: {theme.text}; background: {theme.raised}; border: 1px solid {theme.line}; }}
         QHeaderView::section {{ background: {theme.raised}; color: {theme.text}; padding: 3px 6px; border: 0;
             border-right: 1px solid {theme.line}; }}

@@ -16,7 +16,14 @@ from rig.settings import protocol_file, rig_file
 from rig.settings.protocol_file import Protocol, Study, TrialProtocol
 from rig.settings.rig_file import RigFile
 
-__all__ = ["check_protocol_on_rig", "load_protocol", "load_rig", "parse_protocol", "parse_rig"]
+__all__ = [
+    "check_protocol_on_rig",
+    "load_protocol",
+    "load_rig",
+    "parse_protocol",
+    "parse_rig",
+    "protocol_faults",
+]
 
 T = TypeVar("T")
 _PROTOCOL: TypeAdapter[Protocol] = TypeAdapter(Protocol)
@@ -50,6 +57,16 @@ def parse_rig(text: str, origin: str) -> RigFile:
 def parse_protocol(text: str, origin: str) -> Protocol:
     """Check the text of a protocol file; ``origin`` names it in messages."""
     return _checked(_PROTOCOL, _parse_toml(text, origin), origin)
+
+
+def protocol_faults(data: Mapping[str, Any]) -> dict[str, str]:
+    """Return what is wrong with the values of a protocol, one line by dotted key; empty where nothing is."""
+    try:
+        _PROTOCOL.validate_python(_lists_to_tuples(data))
+    except ValidationError as error:
+        faults = error.errors(include_url=False)
+        return {_key(fault, data): _told(fault, faults, data) for fault in faults}
+    return {}
 
 
 def check_protocol_on_rig(protocol: Protocol, rig: RigFile, origin: str) -> None:

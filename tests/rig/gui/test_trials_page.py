@@ -23,7 +23,7 @@ from rig.gui.theme import DARK
 from rig.gui.trial_table import COLUMNS, Row, TrialFilter, TrialTable
 from rig.gui.worker import Worker
 
-LONG_MS = 60_000
+LONG_MS = 180_000
 
 
 def _header(i: int, **more: Any) -> Header:

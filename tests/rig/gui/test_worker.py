@@ -17,7 +17,7 @@ from pytestqt.qtbot import QtBot
 from analysis.recordings import read_trial
 from rig.gui.worker import Worker
 
-LONG_MS = 60_000
+LONG_MS = 180_000
 
 
 def test_answers_come_in_order_and_the_event_loop_goes_on(worker: Worker, qtbot: QtBot) -> None:

@@ -68,7 +68,10 @@ def test_esc_to_the_arm_moving_away(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         window.connect_rig(bench.rig)
 
         def until(condition: Any) -> None:
-            qtbot.waitUntil(lambda: bool(condition()), timeout=60_000)
+            try:
+                qtbot.waitUntil(lambda: bool(condition()), timeout=30_000)
+            except qtbot.TimeoutError:
+                pytest.fail(f"{window.link.state}\n{window.log.view.toPlainText()}")
 
         def idle() -> bool:
             return window.link.state.link == "open" and window.link.state.snapshot.state is State.IDLE
@@ -77,8 +80,7 @@ def test_esc_to_the_arm_moving_away(tmp_path: Path, monkeypatch: pytest.MonkeyPa
             protocol = tmp_path / f"{name}.toml"
             protocol.write_text(STUDY.format(hold=hold))
             assert window.study.load(protocol, tmp_path / name)
-            window.study.by_bench.setChecked(True)
-            window.start()
+            window.link.ask("run", protocol=str(protocol), out=str(tmp_path / name), hands="bench")
             until(lambda: window.link.state.running)
             return tmp_path / name / "001_index_0.40mm_r1.h5"
 

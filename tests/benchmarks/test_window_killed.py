@@ -49,8 +49,7 @@ if __name__ == "__main__":
     window.show()
     def begin():
         window.study.load(protocol, out)
-        window.study.by_bench.setChecked(True)
-        window.start()
+        window.link.ask("run", protocol=str(protocol), out=str(out), hands="bench")
     window.link.opened.connect(lambda: QTimer.singleShot(0, begin))
     window.connect_rig(rig)
     app.exec()

@@ -93,11 +93,33 @@ def reduce_contact(
     pad: PadFile, load: Load, ratios: FloatArray, advance: Callable[[], None] = lambda: None
 ) -> ContactPad:
     """Mesh the pad, press every patch at every ratio, and return it in the shapes that result."""
-    mesh = mesh_pad(pad, load)
-    full = ElasticPad(mesh, nus_of(pad), held=FIXED)
-    patches = _patches(full, load)
+    full = ElasticPad(mesh_pad(pad, load), nus_of(pad), held=FIXED)
+    patches = cut_patches(full, load)
     relative = np.array(pad.relative_moduli())
-    answers: list[Any] = []
+    answers = press_patches(full, patches, ratios, relative, advance)
+    combine, layers, press = shapes_of(full, patches, answers)
+    position_mm = _positions(pad)
+    depth_mm = _depths(pad)
+    fields = _Fields(full, answers)
+    top = [inside_point(pad.geometry, 0.0, pad.geometry.contact_z_mm.value + p) for p in position_mm]
+    deflection = -fields.at(np.array(top))[0][:, 1, :] @ combine
+    strain = np.stack([_strain(fields, pad, depth) for depth in depth_mm]) @ combine
+    view = view_of(full.mesh, answers, combine, full.space)
+    return ContactPad(
+        layers, relative, press, patches.area_mm2, patches.gap_mm, patches.place_mm, position_mm, deflection,
+        depth_mm, strain, full.unknowns, view,
+    )  # fmt: skip
+
+
+def press_patches(
+    full: ElasticPad,
+    patches: Patches,
+    ratios: FloatArray,
+    relative: FloatArray,
+    advance: Callable[[], None] = lambda: None,
+) -> list[Any]:
+    """Return the answers (R x m vectors) of a full mesh to 1 kPa on each patch, at ratios (R,)."""
+    answers = []
     for ratio in ratios:
         inverse = full.inverse(full.mixture([relative[0], *(ratio * relative[1:])]))
         for form in patches.forms:
@@ -105,23 +127,21 @@ def reduce_contact(
             answer.data = inverse * form
             answers.append(answer)
         advance()
+    return answers
+
+
+def shapes_of(
+    full: ElasticPad, patches: Patches, answers: list[Any]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return n combinations of M answers without what is rounding (M, n), layers (L, n, n) and press (m, n)."""
     gram = full.gram(answers, answers)
     gram = (gram + gram.transpose(0, 2, 1)) / 2
     combine = energy_basis(gram.sum(axis=0), _ROUNDING)
     layers = np.einsum("am,lab,bn->lmn", combine, gram, combine, optimize=True)
     values = np.stack([answer.FV().NumPy() for answer in answers])
-    press = mesh.copies * np.stack([form.FV().NumPy() for form in patches.forms]) @ values.T @ combine
-    position_mm = _positions(pad)
-    depth_mm = _depths(pad)
-    fields = _Fields(full, answers)
-    top = [inside_point(pad.geometry, 0.0, pad.geometry.contact_z_mm.value + p) for p in position_mm]
-    deflection = -fields.at(np.array(top))[0][:, 1, :] @ combine
-    strain = np.stack([_strain(fields, pad, depth) for depth in depth_mm]) @ combine
-    view = view_of(mesh, answers, combine, full.space)
-    return ContactPad(
-        layers, relative, press, patches.area_mm2, patches.gap_mm, patches.place_mm, position_mm, deflection,
-        depth_mm, strain, full.unknowns, view,
-    )  # fmt: skip
+    forms = np.stack([form.FV().NumPy() for form in patches.forms])
+    press: FloatArray = full.mesh.copies * forms @ values.T @ combine
+    return combine, layers, press
 
 
 def _positions(pad: PadFile) -> FloatArray:
@@ -142,14 +162,16 @@ def _depths(pad: PadFile) -> FloatArray:
 
 
 @dataclass(frozen=True, slots=True)
-class _Patches:
+class Patches:
+    """Patches of skin: their load vectors for 1 kPa, areas (m,), gaps (m,), and places x and z (m, 2)."""
+
     forms: list[Any]
     area_mm2: FloatArray
     gap_mm: FloatArray
     place_mm: FloatArray
 
 
-def _patches(full: ElasticPad, load: Load) -> _Patches:
+def cut_patches(full: ElasticPad, load: Load) -> Patches:
     """Return the patches: under a line, pieces of its length; under a plate, the faces of the elements."""
     from ngsolve import BND, GridFunction, Integrate, LinearForm, SurfaceL2, ds, x, y, z
 
@@ -165,9 +187,8 @@ def _patches(full: ElasticPad, load: Load) -> _Patches:
     area = of_faces(1.0)
     on = np.flatnonzero(area)
     middle = np.stack([of_faces(c)[on] / area[on] for c in (x, y, z)], axis=1)
-    unknown = {
-        e.nr: chosen.space.GetDofNrs(e)[0] for e in mesh.mesh.Elements(BND) if e.nr in set(on.tolist())
-    }
+    watched = set(on.tolist())
+    unknown = {e.nr: chosen.space.GetDofNrs(e)[0] for e in mesh.mesh.Elements(BND) if e.nr in watched}
     if load == "line":
         members = np.minimum(
             (middle[:, 0] / (LINE_LENGTH_MM / 2) * LINE_PATCHES).astype(int), LINE_PATCHES - 1
@@ -187,7 +208,7 @@ def _patches(full: ElasticPad, load: Load) -> _Patches:
         [np.average(middle[members == n], axis=0, weights=a) for n, a in zip(numbers, share, strict=True)]
     )
     top = skin_top_mm(full)
-    return _Patches(
+    return Patches(
         forms, mesh.copies * np.array([a.sum() for a in share]), top - mean[:, 1], mean[:, [0, 2]]
     )  # fmt: skip
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from analysis.errors import BadInputError
 from analysis.fingertip.geometry import FAR_MM, capsule_x_mm, displacement_of_map, surfaces
 from analysis.fingertip.pad_file import LAYERS, Geometry, PadFile
 
@@ -19,6 +20,9 @@ SYMMETRY = "symmetry"
 LINE_WIDTH_MM, LINE_LENGTH_MM = 0.02, 5.0  # Kumar et al. 2015
 _STRIP_DEPTH_MM = 0.05
 """Depth of the sliver of epidermis that is cut out under the line, so that the mesh follows its edges."""
+_TRIES, _FINER = 6, 0.8
+"""How often, and by how much, elements are made smaller where bent ones fold."""
+_FOLD_ORDER = 8
 _ACROSS = 0.55
 """Of the pad's half-width: what a plate pressed half a millimetre deep can touch."""
 
@@ -52,11 +56,28 @@ def mesh_pad(pad: PadFile, load: Load) -> PadMesh:
     from ngsolve import Mesh
 
     shape = _shape(pad, load)
-    settings = pad.mesh
-    sizes: dict[str, Any] = {"maxh": settings.size_mm, "grading": settings.grading}
-    mesh = Mesh(OCCGeometry(shape).GenerateMesh(**sizes))
-    mesh.Curve(settings.order)
-    return PadMesh(mesh, load, PRESSED[load], 2, pad.geometry, settings.order, _deform(mesh, pad))
+    size_mm = pad.mesh.size_mm
+    for _ in range(_TRIES):
+        mesh = Mesh(OCCGeometry(shape).GenerateMesh(maxh=size_mm, grading=pad.mesh.grading))
+        mesh.Curve(pad.mesh.order)
+        keep = _deform(mesh, pad)
+        if not _folded(mesh):
+            return PadMesh(mesh, load, PRESSED[load], 2, pad.geometry, pad.mesh.order, keep)
+        size_mm *= _FINER
+    raise BadInputError(
+        f"the mesh folds where layers are thin, even with elements of {size_mm / _FINER:.2g} mm: make mesh.size_mm "
+        "smaller, or the thinnest layer thicker"
+    )
+
+
+def _folded(mesh: Any) -> bool:
+    """Whether an element of the mesh is turned inside out somewhere, its map followed at many points."""
+    import numpy as np
+    from ngsolve import TET, VOL, Det, IntegrationRule, specialcf
+
+    points = mesh.MapToAllElements({TET: IntegrationRule(TET, _FOLD_ORDER)}, VOL)
+    volume = Det(specialcf.JacobianMatrix(3))(points)
+    return bool(np.sign(volume).min() != np.sign(volume).max())
 
 
 def _deform(mesh: Any, pad: PadFile) -> Any:

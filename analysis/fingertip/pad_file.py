@@ -154,9 +154,14 @@ class PadFile(_Settings):
         return 1.0, self.layers.dermis.relative_modulus, self.layers.fat.relative_modulus
 
     def with_epidermis(self, thickness_mm: float) -> PadFile:
-        """Return the same pad with another epidermis, at the dermis' cost; ValueError where none is left of that."""
+        """Return the same pad with another epidermis, at the dermis' cost; BadInputError where none is left of that."""
         g = self.geometry
         dermis_mm = g.epidermis_mm.value + g.dermis_mm.value - thickness_mm
+        if thickness_mm <= 0 or dermis_mm <= 0:
+            raise BadInputError(
+                f"an epidermis of {thickness_mm:.3g} mm leaves no dermis: make geometry.dermis_mm larger, or the "
+                "epidermis thinner"
+            )
         new = {
             "epidermis_mm": g.epidermis_mm.model_copy(update={"value": thickness_mm}),
             "dermis_mm": g.dermis_mm.model_copy(update={"value": dermis_mm}),

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.optimize import nnls
 
-from analysis.fingertip.contact_pad import _Fields, _patches
+from analysis.fingertip.contact_pad import _Fields, cut_patches
 from analysis.fingertip.elastic import ElasticPad, nus_of
 from analysis.fingertip.geometry import inside_point
 from analysis.fingertip.meshing import FIXED, PUNCH, mesh_pad
@@ -84,7 +84,7 @@ def march_line(
 ) -> np.ndarray:
     """Return the deflection (q,) mm at places (q,) mm once a line went through depths (N,) mm, one a step."""
     full = ElasticPad(mesh_pad(pad, "line"), nus_of(pad), held=FIXED)
-    patches = _patches(full, "line")
+    patches = cut_patches(full, "line")
     march = _March(full, materials, step_s)
     answers = []
     for form in patches.forms:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +15,7 @@ from analysis.fingertip.calibration_file import Calibration
 from analysis.fingertip.compare import locate
 from analysis.fingertip.contact import press, ramp_and_hold, touching_pressure
 from analysis.fingertip.line_load import LineMotion, answer_lines
+from analysis.fingertip.page import write_comparison_page
 from analysis.fingertip.punch import punch_pad
 from analysis.fingertip.reduced import chebyshev_ratios
 from analysis.fingertip.surface_file import MeasuredSurface, read_surface
@@ -119,6 +121,19 @@ def test_a_concealed_ratio_is_found_and_the_homogeneous_pad_fails(
     blind = locate(replace(surface, error_mm=np.full(len(truth), np.nan)), answers)
     assert blind.pads[0].fails
     assert blind.error_mm[0] == pytest.approx(_NOISE_MM, rel=0.8)
+
+
+def test_the_page_says_what_fails_and_where(answers, tmp_path):
+    deflection = answers.layered_at(_PLACES_MM)(np.log(0.1), 0.3)
+    noise = _NOISE_MM * np.random.default_rng(6).standard_normal(len(deflection))
+    errors = np.full(len(deflection), _NOISE_MM)
+    found = locate(MeasuredSurface("surface.csv", _PLACES_MM, deflection + noise, errors), answers)
+    assert found.ratio_low < 0.1 < found.ratio_high
+    assert not found.pads[2].fails
+    page = write_comparison_page(tmp_path, found, answers).read_text()
+    assert 'homogeneous</td><td class="text">fails' in page
+    assert json.loads((tmp_path / "compare.json").read_text())["pads"][0]["off_where"]
+    assert {path.name for path in tmp_path.glob("*.vtu")} == {"homogeneous_line.vtu", "layered_line.vtu"}
 
 
 def test_motion_ends_where_it_should():

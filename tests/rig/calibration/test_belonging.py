@@ -80,7 +80,7 @@ def test_one_whose_time_is_over_is_asked_for(tmp_path: Path) -> None:
     def answer(yes: bool) -> Any:
         return lambda question: asked.append(question) or yes
 
-    with pytest.raises(BadInputError, match="force: the calibration of .* expired on"):
+    with pytest.raises(BadInputError, match=r"force: the calibration of .* expired on"):
         calibration_for(RIG, tmp_path / "rig.toml", console, answer(False))
     assert calibration_for(RIG, tmp_path / "rig.toml", console, answer(True)).volts_per_mn == 0.0151
     assert len(asked) == 2

@@ -262,6 +262,7 @@ class Lever:
         begin = (playback.expected_sample if begin is None else begin) + len(there) + len(stay) // 3
         during = recorder.peek(begin, begin + len(stay) // 3)
         self.stop_recording()
+        self._brake.arrived()
         proof.prove_probe(before, during, far_mm - safe_mm, c, loopback_wired=self.loopback_wired)
 
     def look_for_force(self, force_mn: float | None) -> None:

@@ -58,7 +58,7 @@ class Lever:
         self.calibration = calibration
         self.limits = rig.lever
         self._settings = rig.card
-        self._card = Card(card_address, rig.card.device)
+        self._card = Card(card_address, rig.card.device, tls=rig.card.tls)
         self._drive = Drive(self._card, rig.card, guard, self._volts_at(rig.lever.safe_position_mm))
         self._brake = Brake(self._drive, rig, calibration)
         self._recorder: Recorder | None = None

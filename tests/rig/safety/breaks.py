@@ -153,7 +153,8 @@ def notices(broken: Break | None, tests: str) -> tuple[bool, str]:
             text=True,
             check=False,
         )
-    return done.returncode == 1, done.stdout
+    # 1: a test failed; below 0: the guard ended the program that the test runs in
+    return done.returncode == 1 or done.returncode < 0, done.stdout
 
 
 def main(names: list[str]) -> int:
@@ -163,7 +164,7 @@ def main(names: list[str]) -> int:
     for each in chosen:
         noticed, said = notices(each, each.tests)
         unnoticed += not noticed
-        last = said.strip().splitlines()[-1] if said.strip() else "pytest said nothing"
+        last = said.strip().splitlines()[-1] if said.strip() else "the program was ended"
         print(f"{'noticed' if noticed else 'NOT NOTICED'}: {each.name} ({last})", flush=True)
     print(f"{len(chosen) - unnoticed} of {len(chosen)} breaks noticed")
     return 1 if unnoticed else 0

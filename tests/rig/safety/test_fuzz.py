@@ -42,19 +42,21 @@ def example(name: str) -> str:
 def mangled(text: str, random: np.random.Generator) -> str:
     """A file with one to four values, keys or bytes that are not as they were."""
     lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
-    for _ in range(int(random.integers(1, 5))):
+    for _ in range(int(random.integers(1, 4))):
         i = int(random.integers(len(lines)))
-        key, sign, _value = lines[i].partition("=")
-        match int(random.integers(6)):
-            case 0 | 1 if sign:
+        key, sign, value = lines[i].partition("=")
+        match int(random.integers(12)):
+            case 0 | 1 | 2 | 3 | 4 if sign and value.split("#")[0].strip().replace(".", "").isdigit():
+                lines[i] = f"{key}= {float(value.split('#')[0]) * 10 ** random.uniform(-2, 2):.6g}"
+            case 5 | 6 if sign:
                 lines[i] = f"{key}= {ODD[int(random.integers(len(ODD)))]}"
-            case 2 if sign:
-                lines[i] = f"{key.strip()[:-1]} = {_value}"
-            case 3:
+            case 7 if sign:
+                lines[i] = f"{key.strip()[:-1]} = {value}"
+            case 8:
                 lines[i] = lines[i][: int(random.integers(len(lines[i]) + 1))]
-            case 4:
+            case 9:
                 lines.insert(i, lines[int(random.integers(len(lines)))])
-            case _:
+            case 10:
                 lines[i] += RAW[int(random.integers(len(RAW)))].decode("latin-1")
     return "\n".join(lines) + "\n"
 

@@ -119,8 +119,8 @@ BREAKS = (
     Break(
         "guard's death not heeded",
         "rig/hardware/guard.py",
-        "fault = self._fault\n",
-        'fault = ""\n',
+        "        if fault:\n            raise GuardError(",
+        "        if False:\n            raise GuardError(",
         SAFETY + "test_processes.py::test_the_guard_is_heeded_while_the_program_reads_nothing",
     ),
 )
@@ -153,8 +153,8 @@ def notices(broken: Break | None, tests: str) -> tuple[bool, str]:
             text=True,
             check=False,
         )
-    # 1: a test failed; below 0: the guard ended the program that the test runs in
-    return done.returncode == 1 or done.returncode < 0, done.stdout
+    # below 0: the guard ended the program that the test runs in; an error beside a test is no failure of it
+    return " failed" in done.stdout or done.returncode < 0, done.stdout
 
 
 def main(names: list[str]) -> int:

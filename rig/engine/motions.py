@@ -23,7 +23,7 @@ POSITIONING_MM_S = 10.0
 _MET = (8, 10)
 """Something is met when so many of so many samples are above the threshold."""
 
-_MET_READ = 40
+_MET_READ = 80
 _SHORTEST_WAY = 2
 
 _SWEEP_MARGIN_MN = 50.0

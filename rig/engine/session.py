@@ -57,7 +57,7 @@ def open_bench(rig: RigFile, calibration: Calibration) -> Iterator[Bench]:
 
         card_address = resolve(rig.card.address)
         lock = stack.enter_context(RigLock(card_address, rig.card.device))
-        with Card(card_address, rig.card.device) as card:
+        with Card(card_address, rig.card.device, tls=rig.card.tls) as card:
             # the lock is this run's: tasks of this name are those of a dead one
             card.clear_left_over_tasks()
         clock: Clock = RemoteClock(service(rig.clock)) if rig.clock else SystemClock()

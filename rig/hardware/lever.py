@@ -58,7 +58,7 @@ class Lever:
         self.calibration = calibration
         self.limits = rig.lever
         self._settings = rig.card
-        self._card = Card(card_address, rig.card.device)
+        self._card = Card(card_address, rig.card.device, tls=rig.card.tls)
         self._drive = Drive(self._card, rig.card, guard, self._volts_at(rig.lever.safe_position_mm))
         self._brake = Brake(self._drive, rig, calibration)
         self._recorder: Recorder | None = None
@@ -262,6 +262,7 @@ class Lever:
         begin = (playback.expected_sample if begin is None else begin) + len(there) + len(stay) // 3
         during = recorder.peek(begin, begin + len(stay) // 3)
         self.stop_recording()
+        self._brake.arrived()
         proof.prove_probe(before, during, far_mm - safe_mm, c, loopback_wired=self.loopback_wired)
 
     def look_for_force(self, force_mn: float | None) -> None:

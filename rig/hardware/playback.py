@@ -14,7 +14,7 @@ from rig.hardware.daq import CardOutput, CardStream
 
 FloatArray = NDArray[np.float64]
 
-_PIECES = 4
+_PIECES = 3
 """A stream is topped up as soon as so small a part of its lead is used: each write costs a call to the card."""
 
 

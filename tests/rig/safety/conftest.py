@@ -165,6 +165,7 @@ class Program:
             assert self.process.poll() is None, self.process.communicate()
             assert time.monotonic() < deadline_s, "did not happen in time"
             time.sleep(0.002)
+        assert self.guards  # noted, to be ended with the test
 
     @property
     def guards(self) -> list[int]:

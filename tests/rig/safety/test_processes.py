@@ -128,15 +128,6 @@ def test_a_host_that_stands_still_in_the_approach(real_bench: Any) -> None:
         assert real_bench.largest_force_mn() < 25.0
 
 
-def test_a_terminal_that_is_closed_ends_the_run_cleanly(real_bench: Any) -> None:
-    with real_bench.program(HOLD) as run:
-        run.until_pressed()
-        run.signal(signal.SIGHUP)
-        assert run.wait() == 130
-        assert real_bench.clear
-    assert read_trial(real_bench.folder / "out" / "index_0.40mm.h5").status == "aborted"
-
-
 def test_a_second_run_in_the_rest_of_the_first_is_refused(real_bench: Any) -> None:
     with real_bench.program(STUDY, name="study") as first:
         file = real_bench.folder / "study" / "001_index_0.20mm_r1.h5"
@@ -176,3 +167,27 @@ def test_the_guard_is_heeded_while_the_program_reads_nothing(real_bench: Any) ->
         real_bench.seconds_until_clear(within_s=5.0)
         with pytest.raises(GuardError, match="the guard process is gone"):
             lever.read(80)
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
+def test_a_run_that_is_told_to_end_clears_the_arm_first(real_bench: Any, number: signal.Signals) -> None:
+    with real_bench.program(HOLD) as run:
+        run.until_pressed()
+        run.signal(number)
+        assert run.wait() == 130
+        assert real_bench.clear
+    assert read_trial(real_bench.folder / "out" / "index_0.40mm.h5").status == "aborted"
+
+
+def test_a_long_quiet_hold_is_not_taken_for_silence(real_bench: Any) -> None:
+    path = real_bench.run(
+        HOLD.replace("hold_s = 60.0", "hold_s = 6.0"), rig=real_bench.rig_toml(timeout_s=2.0)
+    )
+    assert read_trial(path).status == "complete"
+
+
+def test_a_dead_program_is_known_by_its_death_and_not_by_its_silence(real_bench: Any) -> None:
+    with real_bench.program(HOLD, rig=real_bench.rig_toml(timeout_s=30.0)) as run:
+        run.until_pressed()
+        run.signal()
+        assert real_bench.seconds_until_clear() < 10.0

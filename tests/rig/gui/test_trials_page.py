@@ -104,6 +104,17 @@ def test_an_empty_page_says_what_to_do(page: TrialsPage, tmp_path: Path, qtbot: 
     qtbot.waitUntil(lambda: "no such folder" in page._count.text(), timeout=LONG_MS)
 
 
+def test_the_last_folder_is_open_again(
+    worker: Worker, habits: Habits, study_folder: Path, qtbot: QtBot
+) -> None:
+    habits.used_folder("trials", study_folder)
+    page = TrialsPage(worker, habits)
+    qtbot.addWidget(page)
+    page.show()
+    qtbot.waitUntil(lambda: len(page.table.rows) == 6, timeout=LONG_MS)
+    page.hide()
+
+
 def test_browse_overlay_fit(page: TrialsPage, study_folder: Path, habits: Habits, qtbot: QtBot) -> None:
     _opened(page, study_folder, 6, qtbot)
     assert habits.folder("trials") == study_folder

@@ -226,6 +226,7 @@ class BenchLink(QObject):
     def _died(self, process: RunnerProcess) -> None:
         why = process.last_words()
         was = self.state
+        process.let_go()
         process.forget()
         self._process = None
         self._asked.clear()

@@ -24,6 +24,8 @@ from rig.gui.keys import KeyFilter
 from rig.gui.pages.calibration import CalibrationPage
 from rig.gui.pages.live import LivePage
 from rig.gui.pages.log import LogPage
+from rig.gui.pages.mismatch import MismatchPage
+from rig.gui.pages.protocol import ProtocolPage
 from rig.gui.pages.study import StudyPage
 from rig.gui.pages.trials import TrialsPage
 from rig.gui.questions import Ask, Choices, ask
@@ -54,6 +56,8 @@ class Window(QMainWindow):
         self.study = StudyPage(self.worker, habits)
         self.calibration = CalibrationPage()
         self.trials = TrialsPage(self.worker, habits)
+        self.protocol = ProtocolPage(self.worker, habits)
+        self.mismatch = MismatchPage(self.worker, habits)
         names = ("Start", "Stop", "Pause", "Go on", "Skip rest", "Retreat", "Repeat", "Discard")
         self.readouts = Readouts(self.link, [self.actions_by_name[name] for name in names])
         self.shell = Shell(self.readouts)
@@ -316,9 +320,11 @@ class Window(QMainWindow):
     def _add_pages(self) -> None:
         for name, page, tip, beside in (
             ("Live", self.live, "position and force as they come", True),
+            ("Protocol", self.protocol, "what a run is to do, and what the arm will do", False),
             ("Study", self.study, "what is recorded, and how good it is", True),
             ("Calibrate", self.calibration, "measure the constants of position and force", True),
             ("Trials", self.trials, "browse, overlay, fit and export trials", False),
+            ("Mismatch", self.mismatch, "simulation beside recording, and what explains the rest", False),
             ("Log", self.log, "everything that was asked, done and said", False),
         ):
             self.shell.add(name, page, tip, beside=beside)
@@ -332,8 +338,11 @@ class Window(QMainWindow):
         self.shell.banner.answered.connect(self._answer)
         self.readouts.volts_wanted.connect(self.live.plot.show_volts)
         self.worker.said.connect(self.say)
-        for page in (self.study, self.trials):
+        for page in (self.study, self.trials, self.protocol, self.mismatch):
             page.said.connect(self.say)
+        self.protocol.run_asked.connect(self.run_protocol)
+        self.mismatch.run_asked.connect(self.run_protocol)
+        self.mismatch.twin_asked.connect(self.connect_rig)
         self.study.discard_asked.connect(self.discard)
         self.study.restore_asked.connect(self.restore)
         self.study.repeat_asked.connect(self.repeat)

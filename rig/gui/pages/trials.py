@@ -214,6 +214,9 @@ class TrialsPage(QWidget):
 
     def _read(self, headers: Sequence[Header]) -> None:
         self.table.set_headers(headers)
+        read = {header.path for header in headers}
+        if any(row.path in read for row in self.selected()):
+            self._chosen()  # chosen before it was known what it is
         self._tell()
 
     def _opened(self, headers: Sequence[Header]) -> None:

@@ -143,6 +143,15 @@ def test_browse_overlay_fit(page: TrialsPage, study_folder: Path, habits: Habits
     assert row.fitted
 
 
+def test_what_is_chosen_before_it_is_read_is_drawn(
+    page: TrialsPage, study_folder: Path, qtbot: QtBot
+) -> None:
+    page.open_folder(study_folder)
+    qtbot.waitUntil(lambda: len(page.table.rows) == 6, timeout=LONG_MS)
+    page.view.selectAll()
+    qtbot.waitUntil(lambda: len(page.overlay.plot.shown) == 6, timeout=LONG_MS)
+
+
 def test_looking_closer_shows_every_sample(page: TrialsPage, study_folder: Path, qtbot: QtBot) -> None:
     _opened(page, study_folder, 6, qtbot)
     page.view.selectRow(0)

@@ -86,6 +86,12 @@ class ComparisonPlot(QWidget):
         self._draw()
         self._ask()
 
+    def wait_for(self, what: str) -> None:
+        """Show no trial, and say what is being done meanwhile."""
+        self._paths, self._comparison = (), None
+        self._draw()
+        say(self._note, what, "faint")
+
     def show_comparison(self, comparison: Comparison) -> None:
         """Draw a trial."""
         self._comparison = comparison

@@ -48,11 +48,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     from rig.gui.worker import Worker
 
     app = QApplication([])
-    habits, worker = Habits(), Worker()
+    worker = Worker()
     width, height = (int(part) for part in given.size.split("x"))
     until = _Patience(app)
     for theme in THEMES.values():
         apply_theme(app, theme)
+        habits = Habits(out / ".home" / f"window-{theme.name}-{os.getpid()}.json")
         for name, page in _views(worker, habits, given.trials, given.diagnosis, until):
             if not page.isVisible():
                 page.resize(width, height)

@@ -221,6 +221,7 @@ class MismatchPage(QWidget):
         self._page_button.setEnabled(found.page is not None)
         self.findings.show_diagnosis(found, self._run_next, self._use_twin)
         self._take_figures(found)
+        self.comparison.wait_for("reading the trials ...")
         self._worker.ask(
             "the list of trials",
             trials_to_compare,

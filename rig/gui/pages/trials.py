@@ -77,6 +77,7 @@ class TrialsPage(QWidget):
 
     def open_files(self, paths: Sequence[Path]) -> None:
         """Add files to the table and choose them; recordings of other programs are imported first."""
+        self._failure = ""
         self._opening.open(paths, self.folder)
 
     def show_fit(self) -> None:
@@ -113,9 +114,13 @@ class TrialsPage(QWidget):
         self.open_files([path for path in paths if path not in folders])
 
     def showEvent(self, event: QShowEvent) -> None:  # noqa: N802
-        """Look for trials recorded meanwhile."""
+        """Look for trials recorded meanwhile; the first time, open the folder that was open last."""
         super().showEvent(event)
-        self.refresh()
+        last = self._habits.folder("trials")
+        if self.folder is None and last is not None and not self.table.rows:
+            self.open_folder(last)
+        else:
+            self.refresh()
 
     def hideEvent(self, event: QHideEvent) -> None:  # noqa: N802
         """Remember the layout."""
@@ -209,6 +214,9 @@ class TrialsPage(QWidget):
 
     def _read(self, headers: Sequence[Header]) -> None:
         self.table.set_headers(headers)
+        read = {header.path for header in headers}
+        if any(row.path in read for row in self.selected()):
+            self._chosen()  # chosen before it was known what it is
         self._tell()
 
     def _opened(self, headers: Sequence[Header]) -> None:

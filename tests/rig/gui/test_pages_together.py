@@ -74,6 +74,15 @@ def test_no_button_and_no_word_is_cut_off(page: QWidget) -> None:
             assert label.width() >= label.minimumSizeHint().width(), label.text()
 
 
+def test_long_words_make_no_window_taller(page: QWidget) -> None:
+    height = page.minimumSizeHint().height()
+    for label in page.findChildren(QLabel):
+        if label.wordWrap():
+            label.setText("what was wrong with this file, and where, and what to do " * 6)
+    assert page.minimumSizeHint().height() <= height + 5
+    assert height <= 690
+
+
 def test_no_key_is_one_of_the_windows(page: QWidget) -> None:
     taken = {key for _, key, _ in TABLE} | {"Esc"} | {f"Ctrl+{i}" for i in range(1, 10)}
     own = [shortcut.key().toString() for shortcut in page.findChildren(QShortcut)]

@@ -250,9 +250,9 @@ def test_discard_restore_and_repeat(drive: Driver) -> None:
     assert [row.state for row in window.study.table.rows] == ["complete", "complete"]
     # nothing runs now: the window itself marks, and takes back
     second = out / "002_index_0.30mm_r2.h5"
-    window.discard(second, "bad contact")
+    window.commands.discard(second, "bad contact")
     drive.until(lambda: window.study.table.rows[1].state == "discarded")
-    window.restore(second)
+    window.commands.restore(second)
     drive.until(lambda: window.study.table.rows[1].state == "complete")
     assert read_trial(second).discarded == ""
 

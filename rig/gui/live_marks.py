@@ -96,6 +96,7 @@ class LimitLines:
                 self._made[name] = line
 
     def show(self, state: BenchState, *, in_volts: bool) -> None:
+        """Put the lines where the bench has them; over volts there are none."""
         snapshot, bench = state.snapshot, state.snapshot.bench
         values: dict[str, float | None] = {
             "travel limit": bench.travel_max_mm if bench else None,
@@ -112,6 +113,7 @@ class LimitLines:
                 line.setValue(value)
 
     def restyle(self, theme: Theme) -> None:
+        """Take the theme's colours."""
         for name, line in self._made.items():
             colour = theme.bad if "limit" in name else theme.note
             style = Qt.PenStyle.DashLine if "limit" in name else Qt.PenStyle.DotLine

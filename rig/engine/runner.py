@@ -119,8 +119,10 @@ class Runner:
             self._idle.end()
             self._leave()
             said = " ".join(str(error).split())
-            telling.change(error=said, message=said, prompt=None, rest_left_s=0.0, file="")
-            telling.enter(State.STOPPED if isinstance(error, KeyboardInterrupt) else State.FAILED)
+            stopped = isinstance(error, KeyboardInterrupt)
+            fault = "" if stopped else said
+            telling.change(error=fault, message=said, prompt=None, rest_left_s=0.0, file="")
+            telling.enter(State.STOPPED if stopped else State.FAILED)
             raise
         self._idle.end()
         telling.say("")

@@ -54,6 +54,7 @@ class Parts:
         dashpot_mn_s_per_mm: dashpot beside them.
         stiffening_per_mm, stiffening_growth: b and g of the elongation that drives spring and arms,
             e(d) = d + b d^2 + g (2/3 b^2 d^3 + 1/3 b^3 d^4); with g = 1 the start of an exponential.
+        exponent, reference_mm: p and r of an elongation r (d / r)^p instead (1: none).
         pull_off_mn, peel_mm, peel_mn_s_per_mm: what the skin clings with, over which opening the bond
             peels (0 = it snaps at once), and the viscosity of the peeling front.
         support_mass_g, support_mn_per_mm, support_damping_ratio: what the specimen lies on (0 g = rigid).
@@ -73,6 +74,8 @@ class Parts:
     dashpot_mn_s_per_mm: float = 0.0
     stiffening_per_mm: float = 0.0
     stiffening_growth: float = 0.0
+    exponent: float = 1.0
+    reference_mm: float = 0.4
     pull_off_mn: float = 0.0
     peel_mm: float = 0.0
     peel_mn_s_per_mm: float = 0.0

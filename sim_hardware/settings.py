@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from typing import Any, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
@@ -33,14 +33,32 @@ class _Frozen(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True)
 
 
+class ArmSettings(_Frozen):
+    """A Maxwell arm of the tissue."""
+
+    stiffness_mn_per_mm: float = Field(gt=0, le=1e5)
+    time_s: float = Field(gt=0, le=1e4)
+
+
 class TissueSettings(_Frozen):
-    """Constants of the finger pad; the published ones by default, with k1 and k2 in proportion to k0."""
+    """Constants of the finger pad; the published ones by default, with k1 and k2 in proportion to k0.
+
+    ``arms``, any number of them, stand in place of both published arms: the relaxation of a calibrated
+    finite-element pad.
+    """
 
     k0_mn_per_mm: float = Field(default=120.0, gt=0, le=1e5)
     k1_mn_per_mm: float | None = Field(default=None, ge=0, le=1e5)
     tau1_s: float = Field(default=2.279, gt=0, le=1e4)
     k2_mn_per_mm: float | None = Field(default=None, ge=0, le=1e5)
     tau2_s: float = Field(default=0.149, gt=0, le=1e4)
+    arms: tuple[ArmSettings, ...] = Field(default=(), strict=False)
+
+    @model_validator(mode="after")
+    def _either(self) -> Self:
+        if self.arms and not (self.k1_mn_per_mm is None and self.k2_mn_per_mm is None):
+            raise ValueError("arms stand in place of k1_mn_per_mm and k2_mn_per_mm: give one or the other")
+        return self
 
     @property
     def k1(self) -> float:
@@ -64,14 +82,16 @@ class LeverSettings(_Frozen):
 class SpecimenSettings(_Frozen):
     """Fingers, sites and the stiff block; what is drawn is drawn from the bench's seed.
 
-    ``published_tissue`` gives every finger and site exactly the constants of ``[tissue]``; else stiffness and
-    times vary by ``finger_variation`` from finger to finger and ``site_variation`` from site to site
-    (relative standard deviations; times vary half as much).
+    Tissue is living: no two fingers and no two sites are alike. Fingers differ in stiffness by
+    ``finger_variation`` (a relative standard deviation; in times and ratios by half of it). ``site_variation``
+    is how far the sites of a finger scatter: ``"published"``, so that times and ratios scatter over fingers and
+    sites as the published ones do, or one relative standard deviation for stiffness, ratios and times alike.
+    ``published_tissue`` gives every finger and site exactly the constants of ``[tissue]``: a gel.
     """
 
     published_tissue: bool = False
     finger_variation: float = Field(default=0.10, ge=0, le=0.5)
-    site_variation: float = Field(default=0.0, ge=0, le=0.5)
+    site_variation: Literal["published"] | Annotated[float, Field(ge=0, le=0.5)] = "published"
     surface_low_mm: float = Field(default=3.0, ge=0.5, le=9)
     surface_high_mm: float = Field(default=6.0, ge=0.5, le=9)
     block_mm: float = Field(default=4.6, ge=0.5, le=9)
@@ -90,6 +110,8 @@ class NoiseSettings(_Frozen):
     """Noise of the bench: white by default.
 
     A share ``correlated_share`` of the force noise's variance has the correlation time ``correlation_ms``;
+    the white rest has the tails of Student's t with ``tail_degrees_of_freedom`` (0: of a Gaussian);
+    ``one_over_f_mn_rms`` is noise whose power falls as 1/f from 0.02 to 200 Hz;
     ``wander_mn_rms`` is a slow wander of the force's zero with the time ``wander_time_s``;
     ``gain_jitter`` is the relative standard deviation of the force's gain from trial to trial.
     """
@@ -98,17 +120,29 @@ class NoiseSettings(_Frozen):
     position_um_rms: float = Field(default=0.25, ge=0, le=50)
     correlated_share: float = Field(default=0.0, ge=0, le=1)
     correlation_ms: float = Field(default=2.0, gt=0, le=1e4)
+    tail_degrees_of_freedom: float = Field(default=0.0, ge=0, le=1e3)
+    one_over_f_mn_rms: float = Field(default=0.0, ge=0, le=50)
     wander_mn_rms: float = Field(default=0.0, ge=0, le=50)
     wander_time_s: float = Field(default=5.0, gt=0, le=1e4)
     gain_jitter: float = Field(default=0.0, ge=0, le=0.2)
 
+    @model_validator(mode="after")
+    def _of_finite_variance(self) -> Self:
+        if 0 < self.tail_degrees_of_freedom <= 2:
+            raise ValueError("tail_degrees_of_freedom must be 0 (Gaussian) or above 2, for a finite variance")
+        return self
+
 
 class ConverterSettings(_Frozen):
-    """The converters: 0 bits stands for ideal ones."""
+    """The converters: 0 bits stands for ideal ones.
+
+    The output moves in a line from sample to sample, or, ``stepwise_output``, holds each until the next.
+    """
 
     bits: int = Field(default=16, ge=0, le=24)
     range_v: float = Field(default=10.0, gt=0, le=10)
     offset_mv_rms: float = Field(default=0.3, ge=0, le=50)
+    stepwise_output: bool = False
 
 
 class ConstantsSettings(_Frozen):

@@ -1,7 +1,7 @@
 """The trial file: layout, writer, reader, importers.
 
-`layout` declares every attribute once; `reading` and `writing` walk it. `trial_writer` keeps a running trial
-on disk, `rescue` brings back what a kill cut off, `importing` takes other programs' recordings.
+`layout` declares every attribute once; `reading` and `writing` walk it. `live` keeps a running trial on disk
+and brings back what a kill cut off, `importing` takes other programs' recordings by way of `importers`.
 """
 
 from importlib import import_module
@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from analysis.recordings.folders import find_trials
+    from analysis.recordings.live.trial_writer import TrialHeader, TrialWriter
     from analysis.recordings.reading import read_trial
-    from analysis.recordings.trial_writer import TrialHeader, TrialWriter
     from analysis.recordings.writing import mark_discarded, write_trial
 
 __all__ = ["TrialHeader", "TrialWriter", "find_trials", "mark_discarded", "read_trial", "write_trial"]
@@ -18,8 +18,8 @@ __all__ = ["TrialHeader", "TrialWriter", "find_trials", "mark_discarded", "read_
 _HOMES = {
     "find_trials": "folders",
     "read_trial": "reading",
-    "TrialHeader": "trial_writer",
-    "TrialWriter": "trial_writer",
+    "TrialHeader": "live.trial_writer",
+    "TrialWriter": "live.trial_writer",
     "mark_discarded": "writing",
     "write_trial": "writing",
 }

@@ -17,6 +17,9 @@ FORMAT = "indenter-trial"
 FORMAT_VERSION = 1
 
 Value = str | float | int | None
+RUNNING_SURFACE = "running/surface"
+"""Where a running file says where the skin was found: position_mm, sample, overshoot_um, threshold_mn, or NaN."""
+
 SIGNALS = ("position_v", "force_v", "command_v")
 NATIVE_SIGNALS = ("time_s", "position_mm", "force_mn")
 

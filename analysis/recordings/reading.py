@@ -11,8 +11,9 @@ import numpy as np
 from analysis.errors import BadInputError
 from analysis.recordings.attributes import attributes_in, group_of, optional_attributes, text_of
 from analysis.recordings.checks import samples_problem
-from analysis.recordings.layout import CONSTANT_NAMES, NATIVE_SIGNALS, SIGNALS
+from analysis.recordings.layout import CONSTANT_NAMES, NATIVE_SIGNALS, RUNNING_SURFACE, SIGNALS
 from analysis.recordings.opening import access, bad_input, check_is_file, open_file
+from analysis.recordings.own_storage import refuse_foreign_storage
 from analysis.recordings.probing import probe
 from analysis.recordings.sealing import seal_state
 from analysis.recordings.tables import read_events, read_log, read_phases
@@ -54,6 +55,7 @@ def read_unchecked(path: Path, *, cut: bool = False) -> Trial:
     `cut` says that the file lacks its end, whatever its status: NaN at the end of a signal is left away.
     """
     with open_file(path) as file:
+        refuse_foreign_storage(path, file)
         with access(path, "the file's structure"):
             root = attributes_in(path, file, "/")
             signals = group_of(path, file, "signals")
@@ -99,7 +101,16 @@ def _calibration(path: Path, file: Any, *, commanded: bool) -> Calibration:
 
 def _surface(path: Path, file: Any) -> Surface | None:
     values = optional_attributes(path, file, "surface")
-    return Surface(**values) if values else None
+    if values:
+        return Surface(**values)
+    with access(path, f"/{RUNNING_SURFACE}"):
+        found = file.get(RUNNING_SURFACE)
+        if not isinstance(found, h5py.Dataset) or found.shape != (4,) or found.dtype.kind != "f":
+            return None
+        position_mm, sample, overshoot_um, threshold_mn = (float(value) for value in found[()])
+    if not np.isfinite([position_mm, sample, overshoot_um, threshold_mn]).all():
+        return None
+    return Surface(position_mm, round(sample), overshoot_um, threshold_mn)
 
 
 def _protocol(path: Path, file: Any) -> ProtocolSummary:
@@ -158,15 +169,12 @@ def _vector(path: Path, where: str, dataset: Any) -> FloatArray:
 
 
 def _written(array: FloatArray) -> int:
-    """Length of the array without the NaN of its unwritten tail; the end is looked for in blocks."""
-    stop = len(array)
-    while stop:
-        start = max(0, stop - 65536)
-        block = np.flatnonzero(~np.isnan(array[start:stop]))
-        if block.size:
-            return int(start + block[-1] + 1)
-        stop = start
-    return 0
+    """Length of the array up to the first NaN: what is being written meanwhile may be read in any order."""
+    for start in range(0, len(array), 65536):
+        unwritten = np.isnan(array[start : start + 65536])
+        if unwritten.any():
+            return start + int(np.argmax(unwritten))
+    return len(array)
 
 
 def _check_samples(path: Path, where: str, array: FloatArray) -> None:

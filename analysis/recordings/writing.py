@@ -24,13 +24,14 @@ from analysis.recordings.layout import (
     FORMAT,
     FORMAT_VERSION,
     NATIVE_SIGNALS,
+    RUNNING_SURFACE,
     SIGNALS,
     Attribute,
     attributes_of,
 )
 from analysis.recordings.reading import read_trial
 from analysis.recordings.sealing import seal
-from analysis.recordings.trial import Event, Phase, Trial
+from analysis.recordings.trial import Event, Phase, Surface, Trial
 
 SOFTWARE = "indenter"
 _LEFTOVER_S = 60.0  # no file is half-written for so long by a process that lives
@@ -99,6 +100,8 @@ def _take_over(old: Any, new: Any) -> None:
         if name not in new.attrs:
             new.attrs[name] = value
     for name in old:
+        if name == RUNNING_SURFACE.split("/", maxsplit=1)[0]:
+            continue  # a finished file says it in its attributes
         if name not in new:
             old.copy(name, new)
         elif isinstance(old[name], h5py.Group) and isinstance(new[name], h5py.Group):
@@ -196,6 +199,15 @@ def write_attributes(file: Any, trial: Trial) -> None:
         file["protocol"].create_dataset("toml", data=writable(trial.protocol.toml), dtype=h5py.string_dtype())
     file.create_dataset(
         "log", data=np.array([*map(writable, trial.log)], dtype=object), dtype=h5py.string_dtype()
+    )
+
+
+def surface_row(surface: Surface | None) -> NDArray[np.float64]:
+    """Return the surface as the row of a running file, (4,); NaN where it is not known yet."""
+    if surface is None:
+        return np.full(4, np.nan)
+    return np.array(
+        [surface.position_mm, surface.sample, surface.overshoot_um, surface.threshold_mn], dtype=np.float64
     )
 
 

@@ -39,12 +39,15 @@ def fit_paths(
     dask: str | None = None,
     intervals: bool = False,
     joint: bool = False,
+    exponent: float | None = None,
+    show: Callable[[Findings], None] | None = None,
 ) -> Path:
     """Fit every trial of the files and folders; write fits.csv, fits.json, figures and a page to ``out``.
 
     ``jobs`` processes are used (all cores without it), or the Dask cluster at ``dask``, which must see
     the same files. ``intervals`` adds profile intervals of every trial, ``joint`` one solid for all
-    trials of a finger; both need the ramp model. Returns the page's path. Raises BadInputError where
+    trials of a finger; both need the ramp model. ``exponent`` is that of `fit_trial`. ``show`` is given what
+    was found before the page is written. Returns the page's path. Raises BadInputError where
     there is nothing to fit or not one file can be read.
     """
     if model not in MODELS:
@@ -54,7 +57,18 @@ def fit_paths(
     if model != "ramp" and (intervals or joint):
         raise BadInputError(f"--intervals and --joint need --model ramp: the {model} model has neither")
     files = find_trials(paths)
-    found = fit_to_tables(files, model=model, out=out, jobs=jobs, dask=dask, intervals=intervals, joint=joint)
+    found = fit_to_tables(
+        files,
+        model=model,
+        out=out,
+        jobs=jobs,
+        dask=dask,
+        intervals=intervals,
+        joint=joint,
+        exponent=exponent,
+    )
+    if show is not None:
+        show(found)
     from analysis.relaxation.page import write_page
 
     with _writing_to(out):
@@ -70,12 +84,13 @@ def fit_to_tables(
     dask: str | None = None,
     intervals: bool = False,
     joint: bool = False,
+    exponent: float | None = None,
 ) -> Findings:
     """Fit the files and write fits.csv and fits.json; return what they hold, one row a file."""
     with _writing_to(out):
         out.mkdir(parents=True, exist_ok=True)
     with _executor(len(files), jobs, dask) as executor, _progress(len(files)) as advance:
-        rows = fit_files(files, model, executor, advance, intervals=intervals)
+        rows = fit_files(files, model, executor, advance, intervals=intervals, exponent=exponent)
     unread = [row for row in rows if row.failure.startswith(_UNREAD)]
     if len(unread) == len(rows):
         more = f" (and {len(rows) - 1} more files that can't be read)" if len(rows) > 1 else ""
@@ -108,6 +123,7 @@ def fit_files(
     advance: Callable[[int], None] = lambda _: None,
     *,
     intervals: bool = False,
+    exponent: float | None = None,
 ) -> list[TrialFit]:
     """Return one row a file, in order; ``executor`` is anything with the interface of concurrent.futures.
 
@@ -117,10 +133,12 @@ def fit_files(
     if executor is None:
         rows = []
         for file in files:
-            rows.append(_fit_file(str(file), model, intervals))
+            rows.append(_fit_file(str(file), model, intervals, exponent))
             advance(1)
         return rows
-    tasks = {executor.submit(_fit_chunk, chunk, model, intervals): i for i, chunk in enumerate(chunks)}
+    tasks = {
+        executor.submit(_fit_chunk, chunk, model, intervals, exponent): i for i, chunk in enumerate(chunks)
+    }
     done: dict[int, list[TrialFit]] = {}
     for task in as_completed(tasks):
         chunk = chunks[tasks[task]]
@@ -137,22 +155,22 @@ def fit_files(
 _UNREAD = "can't be read: "
 
 
-def _fit_chunk(files: list[str], model: Model, intervals: bool) -> list[TrialFit]:
-    return [_fit_file(file, model, intervals) for file in files]
+def _fit_chunk(files: list[str], model: Model, intervals: bool, exponent: float | None) -> list[TrialFit]:
+    return [_fit_file(file, model, intervals, exponent) for file in files]
 
 
-def _fit_file(file: str, model: Model, intervals: bool) -> TrialFit:
+def _fit_file(file: str, model: Model, intervals: bool, exponent: float | None) -> TrialFit:
     from analysis.recordings.reading import read_trial
 
     try:
         trial = read_trial(Path(file))
     except BadInputError as error:
         return TrialFit(file=Path(file).name, trial_id="", model=model, failure=f"{_UNREAD}{error}")
-    row = fit_trial(trial, model)
+    row = fit_trial(trial, model, exponent)
     if not (intervals and row.fitted):
         return row
     try:
-        return replace(row, intervals=profile_intervals(trial))
+        return replace(row, intervals=profile_intervals(trial, exponent=exponent))
     except (ArithmeticError, ValueError):
         return row  # as of a fit, the arithmetic of a hopeless recording must not end the study
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from analysis.recordings.trial import FloatArray
 from analysis.relaxation.blocks import Blocks
+from analysis.relaxation.contact_law import FLAT, ContactLaw
 from analysis.relaxation.response import interval_factors
 
 IntArray = NDArray[np.int64]
@@ -35,7 +36,7 @@ class BlockAnswer:
 
 
 @dataclass(frozen=True, slots=True)
-class _Pieces:
+class Pieces:
     """Straight pieces of the depth: the blocks, and the two parts of one in which contact changes."""
 
     lengths_s: FloatArray  # (S,)
@@ -52,7 +53,7 @@ class _Pieces:
 
 def block_answer(blocks: Blocks, contact_mm: float, times_s: Sequence[float]) -> BlockAnswer:
     """Return the answer to the depth max(position - contact, 0) for arms of the given times."""
-    pieces = _depth_pieces(blocks, contact_mm)
+    pieces = depth_pieces(blocks, contact_mm)
     n = 1 + len(times_s)
     sums = np.empty((3 * n - 1, len(pieces.counts)))
     sums[0] = pieces.counts * pieces.depth_mm[:-1] + pieces.speed_mm_s * pieces.ages_s
@@ -63,15 +64,19 @@ def block_answer(blocks: Blocks, contact_mm: float, times_s: Sequence[float]) ->
     return BlockAnswer(rows=means[:n], contact_slopes=means[n : 2 * n], tau_slopes=means[2 * n :])
 
 
-def block_rows(blocks: Blocks, contact_mm: float, times_s: Sequence[float]) -> FloatArray:
-    """Return the rows of `block_answer` (1 + n_arms, K) alone, without derivatives."""
-    pieces = _depth_pieces(blocks, contact_mm)
+def block_rows(
+    blocks: Blocks, contact_mm: float, times_s: Sequence[float], law: ContactLaw = FLAT
+) -> FloatArray:
+    """Return the rows of `block_answer` (1 + n_arms, K) alone, without derivatives, by any contact law."""
+    pieces = depth_pieces(blocks, contact_mm)
     tau_s = np.array(times_s)[:, None]
     decay, rise, _, _ = interval_factors(pieces.lengths_s, tau_s)
-    steady = pieces.speed_mm_s * tau_s
+    level_mm = law.level(pieces.depth_mm)
+    speed_mm_s = np.diff(level_mm) / pieces.lengths_s
+    steady = speed_mm_s * tau_s
     sums = np.empty((1 + len(times_s), len(pieces.counts)))
-    sums[0] = pieces.counts * pieces.depth_mm[:-1] + pieces.speed_mm_s * pieces.ages_s
-    sums[1:] = _decaying_sums((rise * np.diff(pieces.depth_mm))[None], decay)[0]
+    sums[0] = pieces.counts * level_mm[:-1] + speed_mm_s * pieces.ages_s
+    sums[1:] = decaying_sums((rise * np.diff(level_mm))[None], decay)[0]
     one, many = -np.expm1(-pieces.spacing_s / tau_s), -np.expm1(-pieces.counts * pieces.spacing_s / tau_s)
     sums[1:] -= steady
     sums[1:] *= np.exp(-pieces.first_s / tau_s) * many / one
@@ -79,36 +84,36 @@ def block_rows(blocks: Blocks, contact_mm: float, times_s: Sequence[float]) -> F
     return np.asarray(np.add.reduceat(sums, pieces.first_of_block, axis=1) / blocks.counts, dtype=float)
 
 
-def _depth_pieces(blocks: Blocks, contact_mm: float) -> _Pieces:
-    """Return the straight pieces of the depth; a block in which contact changes is cut at that instant."""
-    above_mm = blocks.position_mm - contact_mm
+def depth_pieces(blocks: Blocks, contact_mm: float) -> Pieces:
+    """Return the straight pieces of the depth; a piece in which contact changes is cut at that instant."""
+    knots = blocks.pieces()
+    above_mm = knots.position_mm - contact_mm
     inside = above_mm > 0.0
     cut = np.flatnonzero(inside[1:] != inside[:-1])
-    lengths_s = np.diff(blocks.knots_s)
+    lengths_s = np.diff(knots.time_s)
     share = above_mm[cut] / (above_mm[cut] - above_mm[cut + 1])
     before_s = share * lengths_s[cut]
-    # samples of a cut block before the instant; the one on it counts as after
-    before = np.minimum(np.ceil(before_s / blocks.spacing_s[cut]), blocks.counts[cut])
-    # every cut block stands twice, its second part beginning at the instant
-    n_blocks = len(blocks.counts)
-    twice = np.sort(np.concatenate([np.arange(n_blocks), cut]))
+    # samples of a cut piece before the instant; the one on it counts as after
+    before = np.ceil((before_s - knots.first_s[cut]) / knots.spacing_s[cut])
+    before = np.clip(before, 0.0, knots.counts[cut])
+    # every cut piece stands twice, its second part beginning at the instant
+    n_pieces = len(knots.counts)
+    twice = np.sort(np.concatenate([np.arange(n_pieces), cut]))
     second = cut + 1 + np.arange(len(cut))
-    counts, spacing_s = blocks.counts[twice], blocks.spacing_s[twice]
+    counts, spacing_s, first_s = knots.counts[twice], knots.spacing_s[twice], knots.first_s[twice]
     counts[second] -= before
     counts[second - 1] = before
-    first_s = np.zeros(len(twice))
-    first_s[second] = before * blocks.spacing_s[cut] - before_s
-    knots_s = np.append(blocks.knots_s[twice], blocks.knots_s[-1])
+    first_s[second] = knots.first_s[cut] + before * knots.spacing_s[cut] - before_s
+    first_s[counts == 0.0] = 0.0
+    knots_s = np.append(knots.time_s[twice], knots.time_s[-1])
     knots_s[second] += before_s
     depth_mm = np.maximum(np.append(above_mm[twice], above_mm[-1]), 0.0)
     depth_mm[second] = 0.0
     piece_lengths_s = np.maximum(np.diff(knots_s), 1e-12)
     entries = np.zeros(len(twice))
     entries[second] = np.where(inside[cut + 1], 1.0, -1.0)
-    first_of_block = np.arange(n_blocks)
-    for one in cut:
-        first_of_block[one + 1 :] += 1
-    return _Pieces(
+    first_of_block = knots.first_of_block + np.searchsorted(cut, knots.first_of_block, side="left")
+    return Pieces(
         lengths_s=piece_lengths_s,
         depth_mm=depth_mm,
         speed_mm_s=np.diff(depth_mm) / piece_lengths_s,
@@ -123,7 +128,7 @@ def _depth_pieces(blocks: Blocks, contact_mm: float) -> _Pieces:
 
 
 def _fill_arms(
-    pieces: _Pieces, tau_s: FloatArray, stretch: FloatArray, by_contact: FloatArray, by_tau: FloatArray
+    pieces: Pieces, tau_s: FloatArray, stretch: FloatArray, by_contact: FloatArray, by_tau: FloatArray
 ) -> None:
     """Fill sums over each piece's samples, (n_arms, S) each: stretches, their slopes by contact and by tau.
 
@@ -132,9 +137,9 @@ def _fill_arms(
     decay, rise, decay_slope, rise_slope = interval_factors(pieces.lengths_s, tau_s)
     increments = np.diff(pieces.depth_mm)
     left = np.broadcast_to(-np.append(pieces.entries[1:], 0.0), rise.shape)
-    start, shift = _decaying_sums(np.stack([rise * increments, left]), decay)
-    start_slope = _decaying_sums((decay_slope * start + rise_slope * increments)[None], decay)[0]
-    decays, decays_slope = _sampled_decays(pieces, tau_s)
+    start, shift = decaying_sums(np.stack([rise * increments, left]), decay)
+    start_slope = decaying_sums((decay_slope * start + rise_slope * increments)[None], decay)[0]
+    decays, decays_slope = sampled_decays(pieces, tau_s)
     steady = pieces.speed_mm_s * tau_s
     travel = pieces.speed_mm_s * pieces.counts
     start -= steady
@@ -143,7 +148,7 @@ def _fill_arms(
     by_tau[:] = (start_slope - pieces.speed_mm_s) * decays + start * decays_slope + travel
 
 
-def _decaying_sums(driven: FloatArray, decay: FloatArray) -> FloatArray:
+def decaying_sums(driven: FloatArray, decay: FloatArray) -> FloatArray:
     """Return y (R, A, S) of y[s + 1] = decay[s] y[s] + driven[s], y[0] = 0; the last driven has no effect.
 
     ``driven`` (R, A, S), ``decay`` (A, S): all arms in one triangular system with one band.
@@ -163,7 +168,7 @@ def _decaying_sums(driven: FloatArray, decay: FloatArray) -> FloatArray:
     return np.asarray(columns.T, dtype=float).reshape(rows.shape)
 
 
-def _sampled_decays(pieces: _Pieces, tau_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+def sampled_decays(pieces: Pieces, tau_s: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return sums of exp(-s / tau) over the samples of each piece, (n_arms, S), and derivatives by tau."""
     ratio = pieces.spacing_s / tau_s
     n = pieces.counts
@@ -176,23 +181,30 @@ def _sampled_decays(pieces: _Pieces, tau_s: FloatArray) -> tuple[FloatArray, Flo
 
 
 def sampled_force(
-    blocks: Blocks, contact_mm: float, stiffness_mn_per_mm: FloatArray, times_s: FloatArray
+    blocks: Blocks,
+    contact_mm: float,
+    stiffness_mn_per_mm: FloatArray,
+    times_s: FloatArray,
+    law: ContactLaw = FLAT,
 ) -> FloatArray:
     """Return the force (N,) mN at every sample of the blocks, never below zero.
 
-    ``stiffness_mn_per_mm`` (1 + n_arms,), k0 first; ``times_s`` (n_arms,).
+    ``stiffness_mn_per_mm`` (1 + n_arms,), k0 first; ``times_s`` (n_arms,). The blocks have the knots that
+    the law needs (`law_knots`).
     """
-    pieces = _depth_pieces(blocks, contact_mm)
+    pieces = depth_pieces(blocks, contact_mm)
     counts = pieces.counts.astype(np.int64)
     starts = np.cumsum(counts) - counts
     order = np.arange(int(counts.sum())) - np.repeat(starts, counts)
     tau_s = times_s[:, None]
     decay, rise, _, _ = interval_factors(pieces.lengths_s, tau_s)
-    stretch_mm = _decaying_sums((rise * np.diff(pieces.depth_mm))[None], decay)[0]
-    stiffness, steady_mm = stiffness_mn_per_mm[1:, None], pieces.speed_mm_s * tau_s
+    level_mm = law.level(pieces.depth_mm)
+    speed_mm_s = np.diff(level_mm) / pieces.lengths_s
+    stretch_mm = decaying_sums((rise * np.diff(level_mm))[None], decay)[0]
+    stiffness, steady_mm = stiffness_mn_per_mm[1:, None], speed_mm_s * tau_s
     late_mn = stiffness * (stretch_mm - steady_mm) * np.exp(-pieces.first_s / tau_s)
-    slope_mn_s = stiffness_mn_per_mm[0] * pieces.speed_mm_s
-    start_mn = stiffness_mn_per_mm[0] * pieces.depth_mm[:-1] + slope_mn_s * pieces.first_s
+    slope_mn_s = stiffness_mn_per_mm[0] * speed_mm_s
+    start_mn = stiffness_mn_per_mm[0] * level_mm[:-1] + slope_mn_s * pieces.first_s
     start_mn += np.sum(stiffness * steady_mm, axis=0)
     force_mn = np.repeat(slope_mn_s * pieces.spacing_s, counts)
     force_mn *= order

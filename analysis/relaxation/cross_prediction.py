@@ -14,6 +14,7 @@ import numpy as np
 
 from analysis.recordings.reading import read_trial
 from analysis.recordings.trial import FloatArray, Trial
+from analysis.relaxation.contact_law import ContactLaw
 from analysis.relaxation.prediction import predict
 from analysis.relaxation.ramp_fit import fit_ramp
 from analysis.relaxation.result import Check, TrialFit
@@ -69,11 +70,12 @@ def cross_predict(files: Sequence[Path], rows: Sequence[TrialFit]) -> list[Cross
 
 @dataclass(frozen=True, slots=True)
 class _Solid:
-    """Stiffnesses (1 + n_arms,) mN/mm, k0 first; times (n_arms,) s; where it was touched."""
+    """Stiffnesses (1 + n_arms,) mN/mm, k0 first; times (n_arms,) s; where it was touched, and by which law."""
 
     stiffness_mn_per_mm: FloatArray
     times_s: FloatArray
     contact_mm: float
+    law: ContactLaw
 
 
 _Asked = tuple[TrialFit, Trial, _Solid | None]
@@ -82,7 +84,8 @@ _Asked = tuple[TrialFit, Trial, _Solid | None]
 def _nearest_solid(row: TrialFit, trial: Trial) -> _Solid | None:
     if row.solid is not None:
         times_s = np.array(row.solid.times_s)
-        return _Solid(np.array(row.solid.stiffness_mn_per_mm), times_s, row.solid.contact_mm)
+        law = ContactLaw(row.solid.exponent, row.solid.reference_mm)
+        return _Solid(np.array(row.solid.stiffness_mn_per_mm), times_s, row.solid.contact_mm, law)
     if row.model != "ramp":
         return None
     for n_arms in (2, 1):
@@ -91,7 +94,7 @@ def _nearest_solid(row: TrialFit, trial: Trial) -> _Solid | None:
                 near = fit_ramp(cut_window(trial), n_arms)
         except (CannotFitError, ArithmeticError, ValueError):
             continue
-        return _Solid(near.stiffness_mn_per_mm, near.times_s, near.contact_mm)
+        return _Solid(near.stiffness_mn_per_mm, near.times_s, near.contact_mm, near.law)
     return None
 
 
@@ -107,7 +110,7 @@ def _predictions(row: TrialFit, solid: _Solid, others: Sequence[_Asked]) -> list
         # a trial that was not fitted has the contact point of the one that is: the same lever coordinate
         contact_mm = (other.solid or solid).contact_mm
         try:
-            said = predict(solid.stiffness_mn_per_mm, solid.times_s, trial, contact_mm)
+            said = predict(solid.stiffness_mn_per_mm, solid.times_s, trial, contact_mm, solid.law)
         except CannotFitError:
             continue
         beyond_noise = said.share * float(np.sqrt(max(1.0 - (said.noise_mn / said.rms_mn) ** 2, 0.0)))

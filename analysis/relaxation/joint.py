@@ -7,7 +7,7 @@ with the number of trials and not with its square.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 
 from analysis.recordings.reading import read_trial
 from analysis.recordings.trial import FloatArray, Trial
-from analysis.relaxation.block_response import block_answer
+from analysis.relaxation.block_response import BlockAnswer, block_answer
 from analysis.relaxation.blocks import Blocks
+from analysis.relaxation.contact_law import FLAT, ContactLaw
+from analysis.relaxation.convex_response import ConvexAnswer, convex_answer, law_knots
 from analysis.relaxation.noise import NoiseSpectrum, noise_covariance, widened
 from analysis.relaxation.ramp_fit import RampSolution, fit_ramp
 from analysis.relaxation.result import Estimate, TrialFit
@@ -33,7 +35,8 @@ class JointFit:
     ``estimates`` by the names k0_mn_per_mm, A1_over_A0.., t1_s..; standard errors from the trials' own
     noise. ``repeat_se`` by the same names: from how much the trials disagree (each trial's pull on the
     estimate taken as one draw), which also counts what differs from trial to trial. ``contact_mm``,
-    ``offset_mn`` (T,) of the trials used; ``left_out`` (index, reason) of the others.
+    ``offset_mn`` (T,) of the trials used; ``left_out`` (index, reason) of the others. ``law`` is the contact
+    law that all are held to, the middle one of their own; stiffnesses are those at its reference depth.
     """
 
     estimates: dict[str, Estimate]
@@ -42,6 +45,7 @@ class JointFit:
     offset_mn: FloatArray
     used: tuple[int, ...]
     left_out: tuple[tuple[int, str], ...]
+    law: ContactLaw = FLAT
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +57,7 @@ class _One:
     contact_seen: bool
     own: FloatArray  # offset, and contact where it was seen
     contact_mm: float
+    law: ContactLaw
 
 
 def fit_joint(trials: Sequence[Trial], n_arms: int = 2) -> JointFit:
@@ -70,10 +75,9 @@ def fit_joint(trials: Sequence[Trial], n_arms: int = 2) -> JointFit:
                 left_out.append((index, str(reason)))
         if len(singles) < 2:
             raise CannotFitError(f"a joint fit needs two trials that can be fitted, not {len(singles)}")
-        members = [_member(single) for _, single in singles]
-        shared = np.median(
-            [np.log(np.concatenate([s.stiffness_mn_per_mm, s.times_s])) for _, s in singles], axis=0
-        )
+        law = _middle_law([single for _, single in singles])
+        members = [_member(single, law) for _, single in singles]
+        shared = np.median([_logs(single, law) for _, single in singles], axis=0)
         shared, members = _search(shared, members, n_arms)
         return _result(shared, members, n_arms, tuple(i for i, _ in singles), tuple(left_out))
 
@@ -111,16 +115,38 @@ def fit_fingers(files: Sequence[Path], rows: Sequence[TrialFit]) -> list[FingerS
     return found
 
 
-def _member(single: RampSolution) -> _One:
+def _middle_law(singles: Sequence[RampSolution]) -> ContactLaw:
+    """Return the contact law that stands in the middle of the trials' own."""
+    exponent = float(np.median([single.law.exponent for single in singles]))
+    depth_mm = float(np.median([np.max(single.blocks.position_mm) - single.contact_mm for single in singles]))
+    return FLAT if exponent == 1.0 else ContactLaw(exponent, max(depth_mm, 1e-9))
+
+
+def _logs(single: RampSolution, law: ContactLaw) -> FloatArray:
+    """Return the logarithms of a trial's stiffnesses, as they are at the shared reference, and times."""
+    own = single.law
+    scale = (law.reference_mm / own.reference_mm) ** (own.exponent - 1.0)
+    return np.asarray(
+        np.log(np.concatenate([single.stiffness_mn_per_mm * scale, single.times_s])), dtype=float
+    )
+
+
+def _member(single: RampSolution, law: ContactLaw) -> _One:
     own = [single.offset_mn, single.contact_mm] if single.contact_seen else [single.offset_mn]
-    return _One(single.blocks, single.noise, single.contact_seen, np.array(own), single.contact_mm)
+    blocks = single.blocks
+    if law.exponent != 1.0:
+        blocks = law_knots(blocks, single.contact_mm, law.reference_mm)
+    return _One(blocks, single.noise, single.contact_seen, np.array(own), single.contact_mm, law)
 
 
 def _linearised(shared: FloatArray, one: _One, n_arms: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return residual (K,), derivatives by the shared logs (P, K) and by the trial's own (Q, K)."""
     stiffness, times_s = np.exp(shared[: 1 + n_arms]), np.exp(shared[1 + n_arms :])
     contact_mm = float(one.own[1]) if one.contact_seen else one.contact_mm
-    answer = block_answer(one.blocks, contact_mm, times_s.tolist())
+    if one.law.exponent == 1.0:
+        answer: BlockAnswer | ConvexAnswer = block_answer(one.blocks, contact_mm, times_s.tolist())
+    else:
+        answer = convex_answer(one.blocks, contact_mm, times_s.tolist(), one.law)
     residual = one.blocks.force_mn - stiffness @ answer.rows - one.own[0]
     by_shared = np.concatenate(
         [stiffness[:, None] * answer.rows, stiffness[1:, None] * answer.tau_slopes * times_s[:, None]]
@@ -142,7 +168,7 @@ def _search(shared: FloatArray, members: list[_One], n_arms: int) -> tuple[Float
         step = np.linalg.solve(damped, gradient)
         proposed = shared + np.clip(step, -1.0, 1.0)
         moved = [
-            _One(one.blocks, one.noise, one.contact_seen, one.own + own - back @ step, one.contact_mm)
+            replace(one, own=one.own + own - back @ step)
             for one, (_, _, own, back) in zip(members, system, strict=True)
         ]
         new_squares, new_system = _system(proposed, moved, n_arms)
@@ -222,6 +248,7 @@ def _result(
         offset_mn=np.array([one.own[0] for one in members]),
         used=used,
         left_out=left_out,
+        law=members[0].law,
     )
 
 

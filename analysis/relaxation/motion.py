@@ -22,6 +22,8 @@ IntArray = NDArray[np.int64]
 _COMMAND_SPAN, _RECORDED_SPAN = 32, 64  # samples over which a motion is asked whether it is straight
 _LEAST_BEND_MM = 5e-5
 _BEND_SIGMAS = 6.0
+_LEAST_CORNER = 1e-3  # of the travel, by which a corner stands off the chord between its samples
+_STRAIGHT = 0.1  # of that, by which the samples beside may stand off the lines that meet in it
 _SETTLING_S = 0.004  # of the servo after its command was straight again
 
 
@@ -83,6 +85,37 @@ def sample_noise(values: FloatArray) -> float:
     stop = (len(values) - 2) // stride * stride
     bends = values[:stop:stride] - 2.0 * values[1 : stop + 1 : stride] + values[2 : stop + 2 : stride]
     return float(np.median(np.abs(bends))) / 0.6745 / float(np.sqrt(6.0)) if bends.size else 0.0
+
+
+def corners(time_s: FloatArray, position_mm: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Return the corners of a motion that lie between its samples: interval, instant (s), position (mm), each (J,).
+
+    A corner is where the straight lines of the two samples before and the two after an interval meet in
+    it, if the motion is straight on both sides; sampled slowly, a ramp begins and ends at such.
+    """
+    n = len(time_s)
+    nothing = np.empty(0, dtype=np.int64), np.empty(0), np.empty(0)
+    if n < 6:
+        return nothing
+    slope = np.diff(position_mm) / np.diff(time_s)
+    at = np.arange(2, n - 3)
+    before, after = slope[at - 1], slope[at + 1]
+    turn = before - after
+    moved_mm = position_mm[at + 1] - position_mm[at]
+    meeting = moved_mm + before * time_s[at] - after * time_s[at + 1]
+    # where the lines are parallel they meet nowhere: outside of every interval
+    instant_s = np.divide(meeting, turn, out=np.full(len(at), -1.0), where=np.abs(turn) > 1e-300)
+    instant_s = np.clip(instant_s, time_s[at], time_s[at + 1])
+    place_mm = position_mm[at] + before * (instant_s - time_s[at])
+    inside = (instant_s > time_s[at]) & (instant_s < time_s[at + 1])
+    chord_mm = position_mm[at] + slope[at] * (instant_s - time_s[at])
+    bend_mm = np.abs(place_mm - chord_mm)
+    # how far the sample two before and two after lie off the lines
+    off_mm = np.abs(slope[at - 2] - before) * (time_s[at - 1] - time_s[at - 2])
+    off_mm = np.maximum(off_mm, np.abs(slope[at + 2] - after) * (time_s[at + 3] - time_s[at + 2]))
+    least_mm = max(_BEND_SIGMAS * sample_noise(position_mm), _LEAST_CORNER * float(np.ptp(position_mm)))
+    found = inside & (bend_mm > least_mm) & (off_mm < _STRAIGHT * bend_mm)
+    return at[found], instant_s[found], place_mm[found]
 
 
 def positions_at(window: FitWindow, knots: IntArray, curved: IntArray) -> FloatArray:

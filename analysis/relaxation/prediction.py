@@ -9,8 +9,9 @@ import numpy as np
 from analysis.recordings.trial import FloatArray, Trial
 from analysis.relaxation.block_response import sampled_force
 from analysis.relaxation.blocks import condense
-from analysis.relaxation.constants import StepAnswer
 from analysis.relaxation.contact import find_contact
+from analysis.relaxation.contact_law import FLAT, ContactLaw
+from analysis.relaxation.convex_response import law_knots
 from analysis.relaxation.motion import sample_noise
 from analysis.relaxation.result import TrialFit
 from analysis.relaxation.windows import FitWindow, cut_window
@@ -25,6 +26,7 @@ class Curve:
     force_mn: FloatArray
     fitted_mn: FloatArray
     hold_start_s: float
+    ramp_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,19 +49,24 @@ def fitted_curve(trial: Trial, row: TrialFit) -> Curve:
     window = cut_window(trial)
     if row.solid is not None:
         stiffness, times_s = np.array(row.solid.stiffness_mn_per_mm), np.array(row.solid.times_s)
-        found = _solid_force(window, stiffness, times_s, row.solid.contact_mm) + row.solid.offset_mn
+        law = ContactLaw(row.solid.exponent, row.solid.reference_mm)
+        found = _solid_force(window, stiffness, times_s, row.solid.contact_mm, law) + row.solid.offset_mn
         fitted = np.append(found, found[-1])
     else:
         fitted = np.full(len(window.time_s), np.nan)
         age_s = window.time_s[window.hold_start :] - window.time_s[window.hold_start]
-        fitted[window.hold_start :] = _step_answer(row).force_mn(age_s)
-    return Curve(
-        window.time_s, window.position_mm, window.force_mn, fitted, float(window.time_s[window.hold_start])
-    )
+        if row.step_answer is not None:
+            fitted[window.hold_start :] = row.step_answer.force_mn(age_s)
+    hold_start_s = float(window.time_s[window.hold_start])
+    return Curve(window.time_s, window.position_mm, window.force_mn, fitted, hold_start_s, window.ramp_s)
 
 
 def predict(
-    stiffness_mn_per_mm: FloatArray, times_s: FloatArray, other: Trial, contact_mm: float
+    stiffness_mn_per_mm: FloatArray,
+    times_s: FloatArray,
+    other: Trial,
+    contact_mm: float,
+    law: ContactLaw = FLAT,
 ) -> Prediction:
     """Return how well a solid, fitted elsewhere, says the force of another trial, touched at ``contact_mm``.
 
@@ -67,7 +74,7 @@ def predict(
     is free; nothing else is. Raises CannotFitError where the trial has nothing to predict.
     """
     window = cut_window(other)
-    said_mn = _solid_force(window, stiffness_mn_per_mm, times_s, contact_mm)
+    said_mn = _solid_force(window, stiffness_mn_per_mm, times_s, contact_mm, law)
     force_mn = window.force_mn[: len(said_mn)]
     said_mn = said_mn + float(np.mean(force_mn - said_mn))
     missed_mn = force_mn - said_mn
@@ -84,13 +91,13 @@ def predict(
 
 
 def _solid_force(
-    window: FitWindow, stiffness_mn_per_mm: FloatArray, times_s: FloatArray, contact_mm: float
+    window: FitWindow,
+    stiffness_mn_per_mm: FloatArray,
+    times_s: FloatArray,
+    contact_mm: float,
+    law: ContactLaw,
 ) -> FloatArray:
     blocks = condense(window, find_contact(window).sample)
-    return sampled_force(blocks, contact_mm, stiffness_mn_per_mm, times_s)
-
-
-def _step_answer(row: TrialFit) -> StepAnswer:
-    a0 = row.estimates["A0_mn"].value
-    terms = tuple((a0 * row.estimates[f"A{i}_over_A0"].value, row.estimates[f"t{i}_s"].value) for i in (1, 2))
-    return StepAnswer(a0, terms)
+    if law.exponent != 1.0:
+        blocks = law_knots(blocks, contact_mm, law.reference_mm)
+    return sampled_force(blocks, contact_mm, stiffness_mn_per_mm, times_s, law)

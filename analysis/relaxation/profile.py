@@ -12,10 +12,10 @@ from typing import Literal
 import numpy as np
 
 from analysis.recordings.trial import FloatArray, Trial
-from analysis.relaxation.block_response import block_answer
+from analysis.relaxation.contact_law import HIGHEST, LOWEST
 from analysis.relaxation.noise import influences
 from analysis.relaxation.projection import Rows, solve_separable
-from analysis.relaxation.ramp_fit import RampSolution, fit_ramp
+from analysis.relaxation.ramp_fit import RampModel, RampSolution, fit_ramp
 from analysis.relaxation.result import Interval
 from analysis.relaxation.windows import CannotFitError, cut_window
 
@@ -26,12 +26,16 @@ _TOLERANCE = 2e-3  # in standard normal units
 _FARTHEST = 50.0  # standard errors; beyond, the side is called open
 
 
-def profile_intervals(trial: Trial, confidence: float = 0.95) -> dict[str, Interval]:
+def profile_intervals(
+    trial: Trial, confidence: float = 0.95, exponent: float | None = None
+) -> dict[str, Interval]:
     """Return the profile intervals of both times and both ratios, by name; errors as `profile_interval`."""
-    return {name: profile_interval(trial, name, confidence) for name in PROFILED}
+    return {name: profile_interval(trial, name, confidence, exponent) for name in PROFILED}
 
 
-def profile_interval(trial: Trial, name: Profiled, confidence: float = 0.95) -> Interval:
+def profile_interval(
+    trial: Trial, name: Profiled, confidence: float = 0.95, exponent: float | None = None
+) -> Interval:
     """Return the profile interval of a ramp fit's time or ratio.
 
     The rise of the sum of squares is measured against the noise as it acts on this parameter (its
@@ -44,7 +48,7 @@ def profile_interval(trial: Trial, name: Profiled, confidence: float = 0.95) -> 
     from scipy.special import ndtri
 
     with np.errstate(all="ignore"):
-        found = fit_ramp(cut_window(trial))
+        found = fit_ramp(cut_window(trial), exponent=exponent)
         value, error, scale = _centre(found, name)
         target = float(ndtri(0.5 + confidence / 2))
         rise = _rise(found, name, scale)
@@ -76,33 +80,32 @@ def _rise(found: RampSolution, name: Profiled, scale: float) -> Callable[[float]
     blocks, arm, n_arms = found.blocks, int(name[1]), len(found.times_s)
     fixes_time = name.startswith("t")
     free = [i for i in range(n_arms) if not (fixes_time and i == arm - 1)]
+    model = RampModel(blocks, n_arms, found.contact_mm, found.contact_seen, found.law, found.exponent_free)
     start = np.log(found.times_s[free])
     low, high = start - 6.0, start + 6.0
     if found.contact_seen:
         start = np.append(start, found.contact_mm)
         low, high = np.append(low, blocks.position_mm.min()), np.append(high, blocks.position_mm.max())
+    if found.exponent_free:
+        start = np.append(start, found.law.exponent)
+        low, high = np.append(low, LOWEST), np.append(high, HIGHEST)
 
     def rows_at(fixed: float, parameters: FloatArray) -> Rows:
-        times_s = found.times_s.copy()
-        times_s[free] = np.exp(parameters[: len(free)])
+        log_times = np.log(found.times_s)
+        log_times[free] = parameters[: len(free)]
         if fixes_time:
-            times_s[arm - 1] = fixed
-        contact_mm = float(parameters[-1]) if found.contact_seen else found.contact_mm
-        answer = block_answer(blocks, contact_mm, times_s.tolist())
+            log_times[arm - 1] = np.log(fixed)
+        answer = model(np.concatenate([log_times, parameters[len(free) :]]))
         # a fixed ratio ties the arm's row to that of depth
         mix = np.eye(1 + n_arms)
         if not fixes_time:
             mix[0, arm] = fixed
             mix = np.delete(mix, arm, axis=0)
-        rows = np.concatenate([mix @ answer.rows, np.ones((1, answer.rows.shape[1]))])
+        rows = np.concatenate([mix @ answer.rows[:-1], answer.rows[-1:]])
 
         def slopes(amplitudes: FloatArray) -> FloatArray:
-            stiffness = amplitudes[:-1] @ mix
-            by_time = stiffness[1:, None] * answer.tau_slopes * times_s[:, None]
-            moved = by_time[free]
-            if found.contact_seen:
-                moved = np.concatenate([moved, (stiffness @ answer.contact_slopes)[None]])
-            return moved
+            by_all = answer.slopes(np.append(amplitudes[:-1] @ mix, amplitudes[-1]))
+            return np.concatenate([by_all[free], by_all[n_arms:]])
 
         return Rows(rows, slopes)
 

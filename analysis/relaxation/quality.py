@@ -16,8 +16,10 @@ from analysis.relaxation.windows import CannotFitError, FitWindow
 _WINDOW_LIMIT = 1.0  # per cent that t1 may move; real two-term data move by about 0.1
 _WINDOW_SIGMAS = 5.0
 _IDENTIFIABLE_LIMIT = 30.0  # per cent of standard error beyond which a time is not known
+_MOST_PERCENT = 999.0  # beyond, a number says no more than "not at all"
 _SLOW_LIMIT = 1.5
 _SLOW_SIGMAS = 5.0
+_LAW_LIMIT = 0.25  # half of what a sphere differs from a flat punch
 
 
 def checks_of_ramp(
@@ -33,6 +35,7 @@ def checks_of_ramp(
         *_shared(trial, window, contact, in_hold, noise=found.noise, row=row, offset_mn=found.offset_mn),
         _identifiable(row, window, log_errors),
         _contact_not_seen(window, seen=found.contact_seen),
+        _law_not_told(found),
     )
 
 
@@ -88,7 +91,15 @@ def _half_window_of_ramp(window: FitWindow, found: RampSolution) -> Check:
     half = found.blocks.until((window.hold_start + len(window.time_s)) // 2)
     contact = Contact(found.contact_mm, 0, found.offset_mn, seen=found.contact_seen)
     try:
-        solution, _ = solve_blocks(half, window, contact, len(found.times_s), found.parameters)
+        solution, _ = solve_blocks(
+            half,
+            window,
+            contact,
+            len(found.times_s),
+            found.parameters,
+            law=found.law,
+            exponent_free=found.exponent_free,
+        )
     except CannotFitError:
         return _window_check(np.nan, np.inf)
     n_arms = len(found.times_s)
@@ -141,6 +152,7 @@ def _identifiable(row: TrialFit, window: FitWindow, log_errors: FloatArray) -> C
         faults.append(f"t2 = {t2:.3g} s is not longer than three samples")
     if t1 < 1.5 * t2:
         faults.append(f"t1 and t2 are too close to tell apart ({t1:.3g} and {t2:.3g} s)")
+    percent = min(percent, _MOST_PERCENT)
     for name in ("A1_over_A0", "A2_over_A0"):
         estimate = row.estimates[name]
         if estimate.value < 2.0 * estimate.se:
@@ -169,6 +181,15 @@ def _contact_not_seen(window: FitWindow, *, seen: bool) -> Check:
     if not seen:
         text = f"recorded from {force_mn:.3g} mN on: depth counts from the first sample, k0 has no preload"
     return Check("contact_not_seen", force_mn, 0.0, "mN", not seen, text)
+
+
+def _law_not_told(found: RampSolution) -> Check:
+    """Ask whether the loading tells a flat punch from a sphere, where it was asked."""
+    error = found.exponent.se if found.exponent is not None else 0.0
+    text = f"the loading tells the exponent of the contact law to {error:.2g}"
+    if not error < _LAW_LIMIT:
+        text = "the loading does not tell a flat punch from a sphere or a cone: say it by --exponent"
+    return Check("contact_law_not_told", min(error, 9.0), _LAW_LIMIT, "", not error < _LAW_LIMIT, text)
 
 
 def _offset(before_mn: float | None, row: TrialFit) -> Check:

@@ -96,8 +96,10 @@ def saturation(trial: Trial, window: FitWindow) -> Check:
     count = 0
     if trial.source != "imported":
         force_v, position_v = trial.force_v[used], trial.position_v[used]
-        count = int(
-            np.sum(np.abs(force_v) >= _CONVERTER_END_V) + np.sum(np.abs(position_v) >= _CONVERTER_END_V)
+        count = sum(
+            int(np.sum(np.abs(volts) >= _CONVERTER_END_V))
+            for volts in (force_v, position_v)
+            if max(volts.max(), -volts.min()) >= _CONVERTER_END_V  # quicker than to ask every sample
         )
     if sample_noise(window.force_mn) > 0:
         for end in (window.force_mn.max(), window.force_mn.min()):

@@ -55,6 +55,7 @@ class StepSolution:
     blocks: HoldBlocks
     jacobian: FloatArray
     parameters: FloatArray
+    time_at_bound: tuple[bool, ...]
 
 
 def fit_step(window: FitWindow, n_terms: int = 2) -> StepSolution:
@@ -74,7 +75,15 @@ def fit_step(window: FitWindow, n_terms: int = 2) -> StepSolution:
     jacobian = solution.jacobian[rows]
     covariance = estimate_covariance(jacobian, blocks.edges, noise)
     return StepSolution(
-        amplitudes_mn, times_s, covariance, residual_mn, noise, blocks, jacobian, solution.parameters
+        amplitudes_mn,
+        times_s,
+        covariance,
+        residual_mn,
+        noise,
+        blocks,
+        jacobian,
+        solution.parameters,
+        tuple(solution.at_bound[order].tolist()),
     )
 
 

@@ -98,8 +98,13 @@ def value_of(row: TrialFit, column: str) -> float | None:
     return None if estimate is None else estimate.value
 
 
+def depth_level(depth_mm: float | None) -> float:
+    """Return a depth to two digits, mm: what counts as one depth in tables, on a finger as on a cell."""
+    return float(f"{depth_mm or 0.0:.2g}")
+
+
 def _depth_key(row: TrialFit) -> float:
-    return round(row.depth_mm or 0.0, 2)
+    return depth_level(row.depth_mm)
 
 
 def _finger_order(finger: str) -> tuple[int, str]:
@@ -148,6 +153,7 @@ def _scatter(rows: Sequence[TrialFit], column: str) -> Scatter | None:
 
 def _slope(rows: Sequence[TrialFit]) -> tuple[float | None, float | None]:
     """Return the slope of A0 over nominal depth, mN/um, and its standard error."""
+    rows = [row for row in rows if "A0_mn" in row.estimates]
     depth_um = 1e3 * np.array([row.depth_mm or 0.0 for row in rows])
     if len(rows) < 3 or np.ptp(depth_um) == 0.0:
         return None, None

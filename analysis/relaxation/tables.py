@@ -28,6 +28,8 @@ COLUMNS = (
     "rms_mn",
     "r2",
     "flags",
+    "exponent",
+    "exponent_se",
 )
 
 
@@ -55,6 +57,8 @@ def _cells(row: TrialFit) -> dict[str, str]:
             cells[name], cells[f"{name}_se"] = estimate.value, estimate.se
         cells["stiffness_mn_per_um"] = row.stiffness_mn_per_um
         cells["rms_mn"], cells["r2"] = row.rms_mn, row.r2
+        if row.exponent is not None:
+            cells["exponent"], cells["exponent_se"] = row.exponent.value, row.exponent.se
     return {name: _text(cells.get(name)) for name in COLUMNS}
 
 
@@ -130,6 +134,8 @@ def _trial(row: TrialFit) -> dict[str, Any]:
             "stiffness_mn_per_um": row.stiffness_mn_per_um,
             "rms_mn": row.rms_mn,
             "r2": row.r2,
+            "exponent": asdict(row.exponent) if row.exponent else None,
+            "untold": dict(row.untold),
             "solid": asdict(row.solid) | {"covariance": row.solid.covariance.tolist()} if row.solid else None,
             "intervals_95": {name: asdict(interval) for name, interval in row.intervals.items()},
             "checks": [asdict(check) for check in row.checks],

@@ -40,9 +40,6 @@ _CONCEALED = """
 [[companion.settings.effects]]
 name = "adhesion"
 pull_off_mn = 5.0
-
-[companion.settings.specimens]
-published_tissue = true               # every finger has the published constants
 """
 
 

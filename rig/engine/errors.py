@@ -9,5 +9,17 @@ class SurfaceNotFoundError(RigError):
     """The approach ended without contact."""
 
 
+class FilingError(RigError):
+    """A trial could not be written to its end; what was recorded is kept, or said to be lost."""
+
+
+class OvershotError(RigError):
+    """The surface was overshot by too much for a trial to begin there."""
+
+
+class ContactLostError(RigError):
+    """The finger left the punch while it was to be held."""
+
+
 class ContactTooEarlyError(RigError):
     """The arm met something where only air was expected."""

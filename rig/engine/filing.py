@@ -4,18 +4,51 @@ from __future__ import annotations
 
 import threading
 from concurrent.futures import Future, ThreadPoolExecutor, wait
+from pathlib import Path
 from queue import SimpleQueue
 from types import TracebackType
 from typing import Self
 
 import numpy as np
 
+from analysis.errors import BadInputError
 from analysis.recordings import TrialWriter
 from analysis.recordings.trial import FloatArray
+from rig.engine.errors import FilingError
 from rig.hardware.lever import Chunk
 
 _PAUSE_S = 0.01
 """Between two writes, so that many small chunks cost one write: a tenth of what a kill may cost."""
+
+
+class TrialFile:
+    """The file of one trial, as a context manager over its writer: what it can't write is a FilingError."""
+
+    def __init__(self, writer: TrialWriter) -> None:
+        self._writer = writer
+
+    def __enter__(self) -> TrialWriter:
+        return self._writer
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            self._writer.__exit__(kind, error, trace)
+        except (OSError, BadInputError) as failure:
+            began = f"; it began with: {error}" if error is not None else ""
+            raise FilingError(_told(self._writer.path, failure) + began) from failure
+
+
+def _told(path: Path, failure: Exception) -> str:
+    """What happened to a trial that can't be written, and what is kept of it."""
+    reason = (isinstance(failure, OSError) and failure.strerror) or str(failure).removeprefix(f"{path}: ")
+    if not path.exists():
+        return f"{path}: could not be written ({reason})"
+    return (
+        f"{path}: could not be written to its end ({reason}): make room, then bring back what is there by "
+        f"`indenter rescue {path}`"
+    )
 
 
 class Filing:
@@ -47,10 +80,10 @@ class Filing:
         wait([self._writing])
         self._thread.shutdown()
         if error is None:
-            self._writing.result()
+            self.check()
         if self._n is not None:
             self._writer.drop_after(self._n)
-        if self._command_v is not None:
+        if self._command_v is not None and not self._writing.exception():
             self._writer.correct_command(self._command_v[: self._writer.n_samples])
 
     def keep(self, chunk: Chunk) -> None:
@@ -61,7 +94,10 @@ class Filing:
     def check(self) -> None:
         """Raise what stopped the writing, if anything did."""
         if self._writing is not None and self._writing.done():
-            self._writing.result()
+            try:
+                self._writing.result()
+            except OSError as failure:
+                raise FilingError(_told(self._writer.path, failure)) from failure
 
     def end(self, n: int | None = None, command_v: FloatArray | None = None) -> None:
         """Keep nothing that comes from now on, and of the trial no more than ``n`` samples; never waits.

@@ -7,7 +7,7 @@ import signal
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import FrameType, TracebackType
 from typing import Any, Self
 
@@ -41,7 +41,8 @@ class Interrupts:
     def __enter__(self) -> Self:
         if threading.current_thread() is threading.main_thread():
             self._thread = threading.get_ident()
-            for kind in (signal.SIGINT, signal.SIGTERM):
+            hangup = getattr(signal, "SIGHUP", None)  # the terminal is gone; Windows knows none
+            for kind in (signal.SIGINT, signal.SIGTERM, *([hangup] if hangup else [])):
                 self._before[kind] = signal.signal(kind, self._on_signal)
         return self
 
@@ -112,4 +113,5 @@ class Interrupts:
             self._waiting = False
             raise Interrupted(STOPPED)
         note = "still moving the arm clear" if again or self._shields else "stopping: moving the arm clear"
-        print(f"\n{note} ...", file=sys.stderr, flush=True)
+        with suppress(OSError):  # after a hangup nobody reads it
+            print(f"\n{note} ...", file=sys.stderr, flush=True)

@@ -8,17 +8,26 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.recordings.trial import FloatArray, Surface
-from rig.engine.errors import ContactTooEarlyError, SurfaceNotFoundError
+from rig.engine.errors import ContactLostError, ContactTooEarlyError, OvershotError, SurfaceNotFoundError
 from rig.engine.recorder import Recorder
 from rig.engine.states import State
 from rig.hardware.lever import Chunk, Lever, Playback
-from rig.protocols.contact import ContactDetector, ReleaseDetector, locate_crossing
-from rig.protocols.indenting import FREE_S
+from rig.protocols.contact import ContactDetector, LeavingDetector, ReleaseDetector, locate_crossing
+from rig.protocols.indenting import FREE_S, SKIN_MARGIN_MN
 from rig.protocols.steps import Approach, Motion, RampTo, Retract, Stay, Sweep
 from rig.protocols.waveforms import ramp_mm, there_and_back_mm
 
 POSITIONING_MM_S = 10.0
-"""Speed of a move in the air before a recording; the force is watched all the same."""
+"""Speed of a move away in the air before a recording; towards the finger it is the rig's speed of approach."""
+
+_MET = (8, 10)
+"""Something is met when so many of so many samples are above the threshold."""
+
+_MET_READ = 40
+_SHORTEST_WAY = 2
+
+_SWEEP_MARGIN_MN = 50.0
+"""Force above that of the free arm in an air sweep that no friction, weight or inertia of the arm adds."""
 
 _SETTLE_S = 0.01
 """After a stop the servo comes to rest within 2 ms; so long is its position averaged."""
@@ -105,14 +114,12 @@ class TrialMotions:
         threshold = f"{threshold_mn:.4g} mN = {threshold_mn * abs(lever.calibration.volts_per_mn):.4g} V"
         free = f"the free arm's {self._free.force_mn:.4g} mN"
         recorder.note(first, "threshold", f"contact at {threshold} above {free}")
-        start_mm = lever.commanded_mm
-        waveform = ramp_mm(start_mm, lever.limits.travel_max_mm, step.speed_mm_s, lever.sample_rate_hz)
         detector = ContactDetector(threshold_mn, step.samples_above, step.samples_watched)
         contact = _Contact(detector, self._free.force_mn)
-        playback = lever.play_until(waveform, contact, step.samples_per_read)
-        recorder.take_while_playing(playback)
-        stopped_mm = lever.halt()
-        if contact.decided is None:
+        if step.force_margin_mn is not None:
+            lever.look_for_force(self._free.force_mn + threshold_mn + step.force_margin_mn)
+        stop = self._until_contact(step, contact)
+        if stop is None or contact.decided is None:
             raise SurfaceNotFoundError(
                 f"no contact of {threshold_mn:.3g} mN up to the travel limit of "
                 f"{lever.limits.travel_max_mm:g} mm: raise the finger, or lower contact_threshold_mn"
@@ -120,12 +127,43 @@ class TrialMotions:
         # what the card took before it was stopped shows the way there: only what follows is at rest
         recorder.take_until(max(recorder.n, lever.acquired))
         self._contact(first, contact.decided, threshold_mn)
-        stop = recorder.started(playback) + _played(waveform, start_mm, stopped_mm)
         self._still_since = stop
         assert self.surface is not None
+        lever.look_for_force(None)
+        lever.surface_found(self.surface.position_mm)
+        self._refuse_overshoot(self.surface)
         found = f"surface at {self.surface.position_mm:.4f} mm, overshoot {self.surface.overshoot_um:.1f} um"
         recorder.note(stop, "contact", found)
         self._say(f"{found} (threshold {threshold})")
+
+    def _until_contact(self, step: Approach, contact: _Contact) -> int | None:
+        """Approach until contact; the sample at which the arm stopped, None at the end of the travel.
+
+        An output that ran dry on the way, since the computer or the card's server stood still, stopped the
+        arm in the air: it goes on from there once every sample taken meanwhile has been looked at.
+        """
+        lever, recorder = self._lever, self._recorder
+        start_mm, waveform = self._way(step)
+        playback = lever.play_until(waveform, contact, step.samples_per_read)
+        while playback is not None:
+            recorder.take_while_playing(playback)
+            if not playback.starved:
+                stopped_mm = lever.halt()
+                return recorder.started(playback) + _played(waveform, start_mm, stopped_mm)
+            recorder.note(
+                recorder.n,
+                "paused",
+                f"the output ran dry and the arm stopped by itself at {lever.commanded_mm:.3f} mm",
+            )
+            start_mm, waveform = self._way(step)
+            playback = lever.go_on(waveform) if len(waveform) >= _SHORTEST_WAY else None
+        lever.halt()
+        return contact.decided
+
+    def _way(self, step: Approach) -> tuple[float, FloatArray]:
+        """From where the arm is commanded to be, mm, to the end of the travel."""
+        start_mm, limits = self._lever.commanded_mm, self._lever.limits
+        return start_mm, ramp_mm(start_mm, limits.travel_max_mm, step.speed_mm_s, self._lever.sample_rate_hz)
 
     def _contact(self, first: int, decided: int, threshold_mn: float) -> None:
         """Work out where contact was, from the rise up to the deciding sample, and the overshoot."""
@@ -146,14 +184,36 @@ class TrialMotions:
         )
         recorder.surface(self.surface)
 
+    def _refuse_overshoot(self, surface: Surface) -> None:
+        most_um = self._lever.limits.overshoot_max_um
+        if surface.overshoot_um > most_um:
+            raise OvershotError(
+                f"the surface at {surface.position_mm:.3f} mm was overshot by {surface.overshoot_um:.0f} um, more than "
+                f"lever.overshoot_max_um = {most_um:g}: approach more slowly, close other programs, run again"
+            )
+
     def _stay(self, step: Stay) -> None:
         recorder = self._recorder
         if step.phase in _STATES:
             self._enter(_STATES[step.phase])
         recorder.begin_phase(step.phase, self._still_since)
         self._still_since += round(step.duration_s * self._lever.sample_rate_hz)
+        if step.phase == "hold" and self.surface is not None:
+            self._hold_until(self._still_since, self.surface)
         recorder.take_until(self._still_since)
         recorder.end_phase(self._still_since)
+
+    def _hold_until(self, stop: int, surface: Surface) -> None:
+        """Record up to a sample while the finger stays; ContactLostError as soon as it has left the punch."""
+        recorder = self._recorder
+        leaving = LeavingDetector(self._free.force_mn, surface.threshold_mn)
+        while recorder.n < stop:
+            chunk = recorder.take(min(recorder.read_samples, stop - recorder.n))
+            if leaving.feed(chunk.force_mn):
+                raise ContactLostError(
+                    f"the finger left the punch in the hold, {(stop - recorder.n) / self._lever.sample_rate_hz:.1f} s "
+                    "before its end: the force is that of the free arm; place the finger again, run again"
+                )
 
     def _ramp(self, step: RampTo) -> None:
         self._enter(State.RAMPING)
@@ -161,6 +221,11 @@ class TrialMotions:
         lever = self._lever
         start_mm = lever.commanded_mm
         target_mm = start_mm + step.depth_mm - self.surface.overshoot_um / 1e3
+        if target_mm <= start_mm:
+            raise OvershotError(
+                f"the surface was overshot by {self.surface.overshoot_um:.1f} um, deeper than the depth of "
+                f"{1e3 * step.depth_mm:g} um that was asked for: approach more slowly, run again"
+            )
         waveform = ramp_mm(start_mm, target_mm, step.speed_mm_s, lever.sample_rate_hz)
         self._still_since = self._play_whole("ramp", waveform)
 
@@ -197,11 +262,13 @@ class TrialMotions:
 
     def _sweep(self, step: Sweep) -> None:
         self._enter(State.SWEEPING)
-        lever = self._lever
+        lever, recorder = self._lever, self._recorder
+        recorder.take_for(_SETTLE_S)
+        lever.look_for_force(float(np.mean(recorder.force_mn)) + _SWEEP_MARGIN_MN)
         out_and_back = there_and_back_mm(step.from_mm, step.to_mm, step.speed_mm_s, lever.sample_rate_hz)
         end = self._play_whole("sweep", out_and_back)
-        self._recorder.end_phase(end)
-        self._recorder.take_for(_SETTLE_S)
+        recorder.end_phase(end)
+        recorder.take_for(_SETTLE_S)
 
     def _play_whole(self, phase: str, waveform: FloatArray) -> int:
         """Play a waveform to its end as a phase; return the sample at which it ended."""
@@ -219,23 +286,36 @@ class TrialMotions:
 def move_to(lever: Lever, position_mm: float, threshold_mn: float, check: Callable[[], None]) -> None:
     """Move in the air to a position, before a recording, watching the force.
 
-    Raises ContactTooEarlyError where the force rises by `threshold_mn` on the way; the arm is halted then.
+    Towards the finger it goes as an approach does, bounded whatever stands still. Raises ContactTooEarlyError
+    where the force rises by `threshold_mn` on the way; the arm is halted then.
     """
-    waveform = ramp_mm(lever.commanded_mm, position_mm, POSITIONING_MM_S, lever.sample_rate_hz)
-    if not len(waveform):
+    towards = position_mm > lever.commanded_mm
+    speed_mm_s = lever.limits.approach_speed_max_mm_s if towards else POSITIONING_MM_S
+
+    def way_mm() -> FloatArray:
+        return ramp_mm(lever.commanded_mm, position_mm, speed_mm_s, lever.sample_rate_hz)
+
+    waveform = way_mm()
+    if len(waveform) < _SHORTEST_WAY:
         return
     read = round(_SETTLE_S * lever.sample_rate_hz)
     lever.start_recording()
     free_mn = float(np.mean(lever.read(read).force_mn))
-    playback = lever.play(waveform)
-    while not playback.done:
-        check()
-        if float(np.mean(lever.read(read).force_mn)) - free_mn > threshold_mn:
-            stopped_mm = lever.halt()
-            raise ContactTooEarlyError(
-                f"the arm met something at {stopped_mm:.3f} mm on its way to {position_mm:.3f} mm: "
-                "clear the way, or let the approach start earlier (surface.start_mm)"
-            )
+    met = _Contact(ContactDetector(threshold_mn, *_MET), free_mn)
+    lever.look_for_force(free_mn + threshold_mn + SKIN_MARGIN_MN)
+    playback = lever.play_until(waveform, met, _MET_READ)
+    while playback is not None:
+        while not playback.done:
+            check()
+            lever.read(read)
+        waveform = way_mm()
+        playback = lever.go_on(waveform) if playback.starved and len(waveform) >= _SHORTEST_WAY else None
+    stopped_mm = lever.halt()
+    if met.decided is not None:
+        raise ContactTooEarlyError(
+            f"the arm met something at {stopped_mm:.3f} mm on its way to {position_mm:.3f} mm: "
+            "clear the way, or let the approach start earlier (surface.start_mm)"
+        )
     lever.stop_recording()
 
 

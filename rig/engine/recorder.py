@@ -38,7 +38,7 @@ class Recorder:
         self._check = check
         self._follow = follow
         self._mark = mark
-        self._read_samples = max(1, int(read_s * lever.sample_rate_hz))
+        self.read_samples = max(1, int(read_s * lever.sample_rate_hz))
         self._position_mm = np.empty(0)
         self._force_mn = np.empty(0)
         self._command_v = np.empty(0)
@@ -75,7 +75,7 @@ class Recorder:
     def take_until(self, stop: int) -> None:
         """Record up to sample `stop`, exclusive."""
         while self.n < stop:
-            self.take(min(self._read_samples, stop - self.n))
+            self.take(min(self.read_samples, stop - self.n))
 
     def take_for(self, duration_s: float) -> None:
         """Record for a length of time."""
@@ -84,7 +84,7 @@ class Recorder:
     def take_while_playing(self, playback: Playback) -> None:
         """Record until a waveform is at its end, or stopped."""
         while not playback.done:
-            self.take(self._read_samples)
+            self.take(self.read_samples)
 
     def started(self, playback: Playback) -> int:
         """Return the sample at which a waveform began to move, reading on until it is known.

@@ -16,7 +16,7 @@ from rig.engine.attempts import planned_name
 from rig.engine.audience import PATIENCE_S, Audience, Observer
 from rig.engine.bench import Bench
 from rig.engine.control import Control, Skipped
-from rig.engine.filing import Filing
+from rig.engine.filing import Filing, TrialFile
 from rig.engine.idling import Idling, Nothing
 from rig.engine.interrupts import CutShort, Interrupts
 from rig.engine.motions import TrialMotions, move_to
@@ -29,10 +29,12 @@ from rig.engine.states import State
 from rig.engine.tasks import Ended, Outcome, Recorded, Task
 from rig.engine.telling import Telling
 from rig.hardware.errors import RetreatFailedError
-from rig.protocols.steps import Approach, Plan, PlannedTrial, Rest, Sweep
+from rig.protocols.steps import Approach, Plan, PlannedTrial, Sweep
 
-_ROOM = 1.5
-"""Room reserved in a file, as a multiple of the samples expected."""
+_ROOM_S = 30.0
+"""Room reserved in a file beyond the longest that the trial's motions can take: pauses of a busy computer, s.
+
+All of it is reserved before the arm moves, since nothing may be rewritten while the punch is in the skin."""
 
 _FREE_WAY_MN = 10.0
 """Force that stops a move where only air is expected and the approach says nothing better."""
@@ -107,6 +109,7 @@ class Runner:
             # a run before this one may have left the arm anywhere, and hands come under it now
             with self._interrupts.shielded():
                 self._bench.lever.retreat()
+                self._bench.lever.prove()
             while (task := self._agenda.next()) is not None:
                 telling.begin_trial(task, self._agenda.n_begun, self._agenda.n_tasks)
                 recorded = self._attempt(task)
@@ -189,10 +192,11 @@ class Runner:
         self._telling.enter(State.POSITIONING)
         self._telling.say("")
         try:
-            self._go_to_start(trial)
-            with self._open(task, prepared) as writer, Filing(writer) as filing:
+            # the file first: to make room for a long trial takes seconds, in which the arm need not be away
+            with TrialFile(self._open(task, prepared)) as writer, Filing(writer) as filing:
                 self._telling.change(file=task.path.name)
                 try:
+                    self._go_to_start(trial)
                     self._record(trial, writer, filing)
                 finally:
                     filing.end()
@@ -274,12 +278,11 @@ class Runner:
             calibration=lever.calibration,
             protocol=trial.summary,
             specimen=self._specimen(trial),
-            log=(f"recorded by indenter as {trial.name}", *prepared.words),
+            log=(f"recorded by indenter as {trial.name} on the rig {self._bench.rig!r}", *prepared.words),
         )
-        seconds = trial.expected_s - sum(
-            step.since_last_s if isinstance(step, Rest) else step.expected_s for step in trial.preparations
-        )
-        return TrialWriter(task.path, header, round(_ROOM * seconds * lever.sample_rate_hz))
+        travel_mm = lever.limits.travel_max_mm - lever.limits.travel_min_mm
+        room_s = trial.longest_s(travel_mm) + _ROOM_S
+        return TrialWriter(task.path, header, round(room_s * lever.sample_rate_hz), grow=False)
 
     def _specimen(self, trial: PlannedTrial) -> Specimen:
         """Return the specimen with the rest it has had, where it is tissue and was pressed before."""

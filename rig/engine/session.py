@@ -11,8 +11,10 @@ from rig.engine.bench import Bench
 from rig.hardware.balance import Balance
 from rig.hardware.clock import Clock, RemoteClock, SystemClock
 from rig.hardware.companion import Companion
+from rig.hardware.daq import Card
 from rig.hardware.guard import Guard
 from rig.hardware.lever import Lever
+from rig.hardware.occupancy import RigLock
 from rig.hardware.operator import RemoteOperator
 from rig.hardware.remote import ControlService
 from rig.hardware.stage import Stage
@@ -53,6 +55,11 @@ def open_bench(rig: RigFile, calibration: Calibration) -> Iterator[Bench]:
             stack.callback(opened.close)
             return opened
 
+        card_address = resolve(rig.card.address)
+        lock = stack.enter_context(RigLock(card_address, rig.card.device))
+        with Card(card_address, rig.card.device) as card:
+            # the lock is this run's: tasks of this name are those of a dead one
+            card.clear_left_over_tasks()
         clock: Clock = RemoteClock(service(rig.clock)) if rig.clock else SystemClock()
         hands = RemoteOperator(service(rig.operator)) if rig.operator else None
         stage = balance = None
@@ -60,11 +67,11 @@ def open_bench(rig: RigFile, calibration: Calibration) -> Iterator[Bench]:
             stage = stack.enter_context(Stage(rig.stage, resolve(rig.stage.port), clock))
         if rig.balance is not None:
             balance = stack.enter_context(Balance(rig.balance, resolve(rig.balance.port)))
-        card_address = resolve(rig.card.address)
         guard = None
         if rig.guard.enabled:
-            held = [companion.stdin_fd] if companion is not None else []
+            held = [lock.fd] + ([companion.stdin_fd] if companion is not None else [])
             guard = stack.enter_context(Guard(rig, card_address, calibration, held))
+            lock.note(guard.pids)
         lever = stack.enter_context(Lever(rig, card_address, calibration, guard))
         stack.enter_context(_lasting_objects_set_aside())
         yield Bench(
@@ -75,4 +82,5 @@ def open_bench(rig: RigFile, calibration: Calibration) -> Iterator[Bench]:
             balance=balance,
             source="simulated" if rig.companion is not None else "nidaqmx",
             read_s=min(_LONGEST_READ_S, 2 * rig.card.read_interval_s),
+            rig=rig.name,
         )

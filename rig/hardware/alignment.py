@@ -47,6 +47,11 @@ class CommandTrack:
         """A waveform begins at sample ``start``; before it, the end of the previous one was held."""
         self._state = (self.last_v, start, volts)
 
+    def extend(self, volts: FloatArray) -> None:
+        """The last waveform goes on with these volts (n,)."""
+        rest_v, start, before = self._state
+        self._state = (rest_v, start, np.concatenate([before, volts]))
+
     def cut(self, n: int, held_v: float) -> None:
         """The last waveform was stopped after ``n`` samples; from then on ``held_v`` is held."""
         rest_v, start, volts = self._state

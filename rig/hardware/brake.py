@@ -9,11 +9,18 @@ from numpy.typing import NDArray
 
 from analysis.recordings.trial import Calibration
 from rig.hardware.drive import Drive
-from rig.hardware.errors import CardError, LimitHit, LimitRefusedError, NotWiredError, RetreatFailedError
+from rig.hardware.errors import (
+    CardError,
+    GuardError,
+    LimitHit,
+    LimitRefusedError,
+    NotWiredError,
+    RetreatFailedError,
+)
 from rig.hardware.limits import Watch
 from rig.hardware.playback import Chunk, Playback
 from rig.hardware.recorder import Recorder
-from rig.hardware.retreat import LATE_S, SETTLE_S, straight_mm
+from rig.hardware.retreat import LATE_S, SETTLE_S, RetreatWatch, way_to_safety_v
 from rig.settings.rig_file import RigFile
 
 FloatArray = NDArray[np.float64]
@@ -41,6 +48,8 @@ class Brake:
         self._limit_hit = False
         self._retreating = False
         self._usual_read_samples = 0
+        self._way: RetreatWatch | None = None
+        self._way_failed: RetreatFailedError | None = None
         self.prepare()
 
     def prepare(self) -> None:
@@ -51,8 +60,14 @@ class Brake:
 
     def look_for(self, seen: Callable[[Chunk], bool], recorder: Recorder, samples_per_read: int) -> None:
         """Stop the output once ``seen`` returns True; the thread reads so many samples at a time meanwhile."""
+        self.look_no_longer(recorder)
         self._usual_read_samples, recorder.read_samples = recorder.read_samples, samples_per_read
         self._seen = seen
+
+    @property
+    def looking(self) -> bool:
+        """Whether something is looked for and has not been seen yet."""
+        return self._seen is not None
 
     def look_no_longer(self, recorder: Recorder) -> None:
         """Nothing stops the output any more but its end, a limit or the program."""
@@ -67,27 +82,36 @@ class Brake:
 
     def inspect(self, recorder: Recorder, start: int, block: FloatArray) -> None:
         """Look at the next samples, (n_channels, n), V: on a limit, begin the retract, then raise LimitHit."""
+        self._drive.beat("reader")
         if self._limit_hit or self._retreating:
+            self._watch_way(block)
             return
+        self._heed_watcher(recorder, block)
         command_v = block[2] if self._wired else self._drive.sent_v(start, start + block.shape[1])
         try:
             self._watch.check(start, block[0], block[1], command_v)
         except LimitHit as hit:
-            self._limit_hit = True
-            try:
-                # stopped, and not read back yet: what came last is nearest to where the arm is
-                self._stopped_at(block[:, -1:])
-                self._begin_way_to_safety(recorder)
-            except CardError as error:
-                raise RetreatFailedError(
-                    f"{hit.limit} limit hit at {hit.position_mm:.3f} mm and the arm could not be moved away, "
-                    f"lift it by hand: {error}"
-                ) from error
+            self._flee(recorder, block, f"{hit.limit} limit hit at {hit.position_mm:.3f} mm")
             raise
         seen = self._seen
         if seen is not None and seen(Chunk(start, block[0], block[1], command_v, self._calibration)):
             self._seen = None
             self._stop()
+        else:
+            self._drive.release(start + block.shape[1])
+
+    def set_ceiling(self, force_mn: float | None) -> None:
+        """Let a motion reverse above this force, mN; None: above the rig's own limit only."""
+        self._watch.ceiling_mn = force_mn
+
+    def set_surface(self, surface_mm: float) -> None:
+        """The arm goes no deeper than the rig's largest depth below this surface, mm, while recording lasts."""
+        self._watch.surface_mm = surface_mm
+
+    @property
+    def deepest_mm(self) -> float:
+        """How far the arm may go, mm, once a surface was found: the rig's largest depth below it."""
+        return self._watch.deepest_mm
 
     def halt(self, recorder: Recorder) -> None:
         """Stop the output, unless that has been done, and find out where it was; see `Lever.halt`."""
@@ -103,7 +127,7 @@ class Brake:
         with self._drive.lock:
             # else a limit was hit meanwhile, and the arm is on its way
             if self._halted is playback:
-                self._stopped_at(recorder.peek(first, first + _AFTER_STOP))
+                self._stopped_at(recorder.peek(first, first + _AFTER_STOP), first)
 
     def retreat(self, recorder: Recorder) -> None:
         """Move to the safe position with the inputs running on, so that the way is recorded too."""
@@ -111,18 +135,23 @@ class Brake:
         self._retreating = True
         try:
             self.halt(recorder)
-            playback = self._begin_way_to_safety(recorder)
+            last = recorder.filled
+            seen = recorder.peek(max(last - _AFTER_STOP, 0), last)
+            playback = self._begin_way_to_safety(recorder, seen)
             n_settle = round(SETTLE_S * rate_hz)
             stop = playback.expected_sample + playback.n + n_settle
             recorder.wait_for(stop, heed=False)
-            while self._drive.moving():
+            while self._way_failed is None and self._drive.moving():
                 stop += n_settle
                 if stop > playback.expected_sample + playback.n + LATE_S * rate_hz:
                     raise RetreatFailedError("the output of the card does not end")
                 recorder.wait_for(stop, heed=False)
             seen = recorder.peek(stop - n_settle // 2, stop).mean(axis=1)
         finally:
-            self._retreating = False
+            self._retreating, self._way = False, None
+            failed, self._way_failed = self._way_failed, None
+        if failed is not None:
+            raise failed
         c, safe_mm = self._calibration, self._limits.safe_position_mm
         position_mm = (float(seen[0]) - c.position_zero_v) / c.volts_per_mm
         if abs(position_mm - safe_mm) > self._limits.following_error_max_mm:
@@ -148,23 +177,57 @@ class Brake:
             if stopped is not None:
                 self._halted = stopped[0]
 
-    def _stopped_at(self, samples: FloatArray) -> None:
-        """What was stopped ended where the loop-back of these samples, (n_channels, n), says, if it is wired."""
+    def _stopped_at(self, samples: FloatArray, at: int) -> None:
+        """What was stopped ended where the loop-back of these samples, (n_channels, n), says, if it is wired.
+
+        One that shows nothing that was sent is broken: then by the clock, ``at`` being the last sample.
+        """
         with self._drive.lock:
             playback, self._halted = self._halted, None
             if playback is not None and self._wired:
-                last = int(np.argmin(np.abs(playback.volts - samples[2].mean())))
+                away_v = np.abs(playback.sent_v - samples[2].mean())
+                last = int(np.argmin(away_v))
+                if away_v[last] > _LOOPBACK_TOLERANCE_MM * abs(self._calibration.command_volts_per_mm):
+                    last = min(max(at - playback.expected_sample, 0), len(away_v) - 1)
                 self._drive.correct_stop(last + 1, float(playback.volts[last]))
 
-    def _begin_way_to_safety(self, recorder: Recorder) -> Playback:
-        c, limits = self._calibration, self._limits
+    def _heed_watcher(self, recorder: Recorder, block: FloatArray) -> None:
+        """Bring the arm to safety as soon as nobody watches over it; raises GuardError then."""
+        if not self._drive.away:
+            return
+        try:
+            self._drive.check_watcher()
+        except GuardError:
+            self._flee(recorder, block, "the guard is gone")
+            raise
+
+    def _flee(self, recorder: Recorder, block: FloatArray, why: str) -> None:
+        """Begin the way to safety from within the reader thread."""
+        self._limit_hit = True
+        try:
+            # stopped, and not read back yet: what came last is nearest to where the arm is
+            self._stopped_at(block[:, -1:], recorder.filled + block.shape[1])
+            self._begin_way_to_safety(recorder, block[:, -_AFTER_STOP:])
+        except CardError as error:
+            raise RetreatFailedError(
+                f"{why} and the arm could not be moved away, lift it by hand: {error}"
+            ) from error
+
+    def _watch_way(self, block: FloatArray) -> None:
+        """Stop a way to safety that presses; whoever waits for its end is told."""
+        if self._way is None:
+            return
+        try:
+            self._way.check(block[:, -_AFTER_STOP:])
+        except RetreatFailedError as failure:
+            self._way, self._way_failed = None, failure
+            self._drive.stop(count=False)
+            raise
+
+    def _begin_way_to_safety(self, recorder: Recorder, seen: FloatArray) -> Playback:
         with self._drive.lock:
             self._drive.stop()
-            way_mm = straight_mm(
-                (self._drive.held_v - c.command_zero_v) / c.command_volts_per_mm,
-                limits.safe_position_mm,
-                speed_mm_s=limits.retreat_speed_mm_s,
-                rate_hz=self._settings.sample_rate_hz,
-            )
-            volts = way_mm * c.command_volts_per_mm + c.command_zero_v
+            held_v, safe_v = self._drive.held_v, self._drive.safe_v
+            volts = way_to_safety_v(held_v, safe_v, self._calibration, self._limits, self._settings)
+            self._way = RetreatWatch(seen, safe_v - held_v, self._calibration)
             return self._drive.start(volts, acquired=recorder.acquired, taken=lambda: recorder.taken)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import logging
 import os
+import platform
 from collections.abc import Iterator, Sequence
 from types import TracebackType
 from typing import Self
@@ -32,6 +33,9 @@ from rig.hardware.remedies import remedy_for_code, remedy_for_server
 FloatArray = NDArray[np.float64]
 
 _log = logging.getLogger(__name__)
+
+_WRITE_TIMEOUT_S = 1.0
+"""A piece of a stream always finds room; a card that takes none for so long does not play."""
 
 _WRITE_BLOCK = 8000
 """Samples sent at a time: packing them takes under a millisecond, in which no sample can be fetched."""
@@ -75,7 +79,8 @@ class Card:
 
     def __init__(self, address: str, device: str, owner: str = "indenter") -> None:
         self.device = device
-        self._owner = owner
+        # of this computer: another one's tasks on the same server are not this one's to end
+        self._owner = f"{owner}-{platform.node() or 'here'}"
         self._channel: grpc.Channel | None = None
         if address:
             self._channel = open_channel(address)
@@ -152,6 +157,31 @@ class Card:
             for start in range(0, len(volts), _WRITE_BLOCK):
                 writer.write_many_sample(np.ascontiguousarray(volts[start : start + _WRITE_BLOCK]))
         return CardOutput(task, self.where)
+
+    def open_stream(
+        self, channel: str, volts: FloatArray, *, rate_hz: float, range_v: float, buffer_samples: int
+    ) -> CardStream:
+        """Load the beginning of a waveform, volts (n,), that plays on only while more of it is written in time.
+
+        What was written is all that the card can play (nothing is played twice): an output that runs dry
+        stops, holds its last voltage, and the next call says so (-200290, -200621).
+        """
+        doing = f"{self.where}: loading the first {len(volts)} samples for {channel}"
+        task = self._new_task("ao", doing)
+        with _clearing_on_error(task), _as_own_errors(doing):
+            task.ao_channels.add_ao_voltage_chan(
+                f"{self.device}/{channel}", min_val=-range_v, max_val=range_v
+            )
+            task.timing.cfg_samp_clk_timing(
+                rate_hz, sample_mode=AcquisitionType.CONTINUOUS, samps_per_chan=buffer_samples
+            )
+            task.out_stream.output_buf_size = buffer_samples
+            task.out_stream.regen_mode = RegenerationMode.DONT_ALLOW_REGENERATION
+            _refuse_coerced(task, rate_hz, doing)
+        stream = CardStream(task, self.where)
+        with _clearing_on_error(task):
+            stream.write(volts)
+        return stream
 
     def clear_left_over_tasks(self) -> None:
         """Take the card from a program that died: end the tasks it left on the card's server.
@@ -264,6 +294,20 @@ class CardOutput:
         """Stop at once and free the output, which keeps its last voltage."""
         with _as_own_errors(f"{self._where}: closing the output"):
             self._task.close()
+
+
+class CardStream(CardOutput):
+    """A waveform that is written piece by piece while it plays."""
+
+    def __init__(self, task: nidaqmx.Task, where: str) -> None:
+        super().__init__(task, where)
+        self._writer = AnalogSingleChannelWriter(task.out_stream, auto_start=False)
+        self._writer.verify_array_shape = False  # one channel, one row: no need to ask the card
+
+    def write(self, volts: FloatArray) -> None:
+        """Add volts (n,) to what is to be played; OutputStarvedError where it had run dry before."""
+        with _as_own_errors(f"{self._where}: writing {len(volts)} samples"):
+            self._writer.write_many_sample(np.ascontiguousarray(volts), timeout=_WRITE_TIMEOUT_S)
 
 
 def _refuse_coerced(task: nidaqmx.Task, rate_hz: float, doing: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Callable
 from typing import Protocol
@@ -11,7 +12,9 @@ from numpy.typing import NDArray
 
 from rig.hardware.alignment import CommandTrack, StartFinder
 from rig.hardware.daq import Card, CardOutput
-from rig.hardware.playback import Playback
+from rig.hardware.errors import OutputStarvedError
+from rig.hardware.playback import Playback, StreamPlayback
+from rig.hardware.retreat import Bearings
 from rig.settings.rig_file import CardSettings
 
 FloatArray = NDArray[np.float64]
@@ -26,11 +29,17 @@ _BITS = 16
 class ArmWatcher(Protocol):
     """Whoever must know when the arm leaves the safe position and when it is back."""
 
-    def arm_away(self) -> None:
-        """The arm is about to move."""
+    def arm_away(self, low_v: float, high_v: float, safe_v: float) -> None:
+        """The arm is about to move; its output lies between these until the next word, and is safe at the last."""
 
     def arm_safe(self) -> None:
         """The arm rests at the safe position."""
+
+    def beat(self, who: str) -> None:
+        """The engine, or the reader, is alive."""
+
+    def check(self) -> None:
+        """Raise GuardError where the watcher itself is dead or silent."""
 
 
 class Drive:
@@ -40,9 +49,12 @@ class Drive:
     while the output changes, and nobody waits for samples under it.
     """
 
-    def __init__(self, card: Card, settings: CardSettings, watcher: ArmWatcher | None) -> None:
+    def __init__(self, card: Card, settings: CardSettings, watcher: ArmWatcher | None, safe_v: float) -> None:
         self.lock = threading.RLock()
         self.away = False
+        self.safe_v = safe_v
+        """The output at which the arm is safe: by the constants, or where it was found to be so, V."""
+        self._range_v = (float("nan"), float("nan"))
         self._card = card
         self._settings = settings
         self._watcher = watcher
@@ -51,6 +63,22 @@ class Drive:
         self._playback: Playback | None = None
         self._finders: list[StartFinder] = []
         self._history: FloatArray = np.empty(0)
+
+    @property
+    def bearings(self) -> Bearings | None:
+        """What is known of the output while nobody can ask the card; None before anything was sent."""
+        low_v, high_v = self._range_v
+        return None if math.isnan(low_v) else Bearings(low_v, high_v, self.safe_v)
+
+    def beat(self, who: str) -> None:
+        """Say that the engine, or the reader, is alive."""
+        if self._watcher is not None:
+            self._watcher.beat(who)
+
+    def check_watcher(self) -> None:
+        """Raise GuardError where the watcher is dead or silent."""
+        if self._watcher is not None:
+            self._watcher.check()
 
     @property
     def held_v(self) -> float:
@@ -82,6 +110,63 @@ class Drive:
             expected = (not_before + acquired()) // 2
             return self._note(output, volts, not_before, expected, taken, triggered=False)
 
+    def start_stream(
+        self,
+        volts: FloatArray,
+        *,
+        lead_samples: int,
+        acquired: Callable[[], int],
+        taken: Callable[[], int],
+    ) -> Playback:
+        """Start a waveform of which the card is given ``lead_samples``; `release` gives it the rest."""
+        with self.lock:
+            first = volts[:lead_samples]
+            self._leave_safety(volts)
+            s = self._settings
+            output = self._card.open_stream(
+                s.command_channel,
+                first,
+                rate_hz=s.sample_rate_hz,
+                range_v=s.range_v,
+                buffer_samples=2 * lead_samples,
+            )
+            self._output = output
+            not_before = acquired()
+            output.start()
+            expected = (not_before + acquired()) // 2
+            finder = self._find(volts, not_before, taken)
+            self._track.add(expected, first)
+            playback = StreamPlayback(
+                output,
+                volts,
+                expected_sample=expected,
+                not_before=not_before,
+                lead_samples=lead_samples,
+                finder=finder,
+                samples_read=taken,
+            )
+            self._playback = playback
+            return playback
+
+    def release(self, judged: int) -> None:
+        """Let a stream go on, now that the samples before ``judged`` were looked at and nothing was found.
+
+        One that has run dry is over: the arm stands at the last sample that was sent.
+        """
+        with self.lock:
+            playback = self._playback
+            if self._output is None or not isinstance(playback, StreamPlayback):
+                return
+            try:
+                piece = playback.release(judged)
+            except OutputStarvedError:
+                self.close()
+                playback.mark_starved()
+                self.correct_stop(len(playback.sent_v), float(playback.sent_v[-1]))
+            else:
+                if len(piece):
+                    self._track.extend(piece)
+
     def start_with_inputs(self, volts: FloatArray, *, taken: Callable[[], int]) -> Playback:
         """Load a waveform that begins with the first sample of the inputs, which are started next."""
         with self.lock:
@@ -99,7 +184,8 @@ class Drive:
             output, playback = self._output, self._playback
             if output is None or playback is None:
                 return None
-            n_played = min(max(output.generated(), 1), playback.n) if count else playback.n
+            sent = len(playback.sent_v)
+            n_played = min(max(output.generated(), 1), sent) if count else sent
             self.close()
             playback.mark_stopped()
             self.correct_stop(n_played, float(playback.volts[n_played - 1]))
@@ -133,11 +219,19 @@ class Drive:
             self._finders = [finder for finder in self._finders if finder.searching]
             self._history = np.concatenate([self._history, loopback_v])[-_HISTORY:]
 
-    def _load(self, volts: FloatArray, *, on_input_start: bool) -> CardOutput:
+    def _leave_safety(self, volts: FloatArray) -> None:
+        """Free the output for what comes next, and say that the arm is about to move."""
         self.close()
-        if self._watcher is not None and not self.away:
-            self._watcher.arm_away()
+        self._range_v = (
+            min(self.held_v, float(volts.min())),
+            max(self.held_v, float(volts.max())),
+        )
         self.away = True
+        if self._watcher is not None:
+            self._watcher.arm_away(*self._range_v, self.safe_v)
+
+    def _load(self, volts: FloatArray, *, on_input_start: bool) -> CardOutput:
+        self._leave_safety(volts)
         s = self._settings
         self._output = self._card.open_output(
             s.command_channel,
@@ -159,15 +253,20 @@ class Drive:
         triggered: bool,
     ) -> Playback:
         """Remember what was sent and when, and look for it in the loop-back from now on."""
-        for other in self._finders:
-            other.end_at(not_before)
-        finder = None
-        if self._settings.loopback_channel is not None:
-            finder = StartFinder(volts, self._track.last_v, not_before, 2 * self._settings.range_v / 2**_BITS)
-            finder.feed(taken() - len(self._history), self._history)
-            self._finders.append(finder)
+        finder = self._find(volts, not_before, taken)
         self._track.add(expected, volts)
         self._playback = Playback(
             output, volts, expected_sample=expected, triggered=triggered, finder=finder, samples_read=taken
         )
         return self._playback
+
+    def _find(self, volts: FloatArray, not_before: int, taken: Callable[[], int]) -> StartFinder | None:
+        """Look for the start of a waveform in the loop-back from now on; None where that is not wired."""
+        for other in self._finders:
+            other.end_at(not_before)
+        if self._settings.loopback_channel is None:
+            return None
+        finder = StartFinder(volts, self._track.last_v, not_before, 2 * self._settings.range_v / 2**_BITS)
+        finder.feed(taken() - len(self._history), self._history)
+        self._finders.append(finder)
+        return finder

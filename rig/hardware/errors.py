@@ -52,18 +52,19 @@ class LimitRefusedError(HardwareError):
 class LimitHit(HardwareError):  # noqa: N818 - an event at the bench, named as the bench calls it
     """A limit was hit while the arm moved; the retract has begun.
 
-    ``limit``: "force", "travel", "following error", "saturation" or "not a number";
+    ``limit``: "force", "travel", "depth", "following error", "saturation", "force noise" or "not a number";
     ``sample`` since recording began; ``value`` in ``unit``; ``position_mm`` of the arm there.
     """
 
     def __init__(
         self, limit: str, *, sample: int, value: float, unit: str, allowed: float, position_mm: float
     ) -> None:
-        super().__init__(
-            f"{limit} limit hit: {value:.4g} {unit} where {allowed:.4g} {unit} is allowed, "
-            f"at sample {sample}, {position_mm:.3f} mm; the arm is retracting; "
-            "check the finger, then the limits in rig.toml"
-        )
+        what = f"{limit} limit hit: {value:.4g} {unit} where {allowed:.4g} {unit} is allowed"
+        todo = "check the finger, then the limits in rig.toml"
+        if limit == "force noise":
+            what = f"the force signal went dead: its noise is {value:.2g} {unit}, less than any sensor's"
+            todo = "check the force output and its wire, then run again"
+        super().__init__(f"{what}, at sample {sample}, {position_mm:.3f} mm; the arm is retracting; {todo}")
         self.limit = limit
         self.sample = sample
         self.value = value
@@ -74,6 +75,10 @@ class LimitHit(HardwareError):  # noqa: N818 - an event at the bench, named as t
 
 class NotWiredError(HardwareError):
     """The rig file declares a wire that is not there."""
+
+
+class ArmNotProvenError(HardwareError):
+    """What the signals say contradicts the rig file or the constants, so the arm is not moved."""
 
 
 class RetreatFailedError(HardwareError):

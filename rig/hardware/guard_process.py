@@ -1,8 +1,10 @@
 """The guard's own process: waits for the program's death and then moves the arm to the safe position.
 
-On stdin: one JSON line of orders, then words, one a line: "beat", "away", "safe", "end". A pipe that
-closes without "end", a parent that is gone, or a heartbeat that stops while the arm is away mean
-that nobody else will move it. `reset_device()` would not: an S Series output keeps its voltage.
+On stdin: one JSON line of orders, then words, one a line: "away LOW HIGH SAFE" (where the output may be and
+where the arm is safe, V), "safe", "beat engine", "beat reader", "end". On stdout "alive", again and again, or
+"alone" where the second guard is dead. A pipe that closes without "end", a parent that is gone, or an engine or
+reader that is silent while the arm is away mean that nobody else will move it. `reset_device()` would not: an S
+Series output keeps its voltage.
 """
 
 from __future__ import annotations
@@ -13,17 +15,20 @@ import logging
 import os
 import queue
 import signal
+import subprocess
 import sys
 import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from analysis.recordings.trial import Calibration
 from rig.hardware.daq import Card
-from rig.hardware.errors import CardBusyError, HardwareError
-from rig.hardware.retreat import Retreat, bring_to_safety
+from rig.hardware.errors import CardBusyError, HardwareError, RetreatFailedError
+from rig.hardware.processes import own_session
+from rig.hardware.retreat import Bearings, Retreat, bring_to_safety
+from rig.hardware.telling import tell_person
 from rig.settings.rig_file import CardSettings, GuardSettings, LeverSettings
 
 _log = logging.getLogger("guard")
@@ -31,10 +36,22 @@ _log = logging.getLogger("guard")
 _LOOK_S = 0.02
 """How often the parent is looked at, beside the pipe."""
 
+_REPORT_S = 0.1
+
 _TRIES_S = 10.0
 """How long the card is asked for before the guard gives up."""
 
+_DISOBEYED_S = 1.0
+"""An arm that was sent to safety and is not there is asked again for so long."""
+
 _RETRY_S = 0.02
+
+_TELL_S = 0.3
+"""An arm that is not clear so long after the alarm is the person's to lift."""
+
+_BEATING = ("engine", "reader")
+
+ToSafety = Callable[[Bearings | None], Retreat]
 
 
 def main() -> int:
@@ -42,24 +59,68 @@ def main() -> int:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with contextlib.suppress(OSError, AttributeError):
         os.nice(-10)  # where it is allowed: it must not wait behind whatever keeps the computer busy
-    orders = json.loads(sys.stdin.buffer.readline())
-    card_settings = CardSettings.model_validate_json(json.dumps(orders["rig"]["card"]))
-    lever = LeverSettings.model_validate_json(json.dumps(orders["rig"]["lever"]))
+    line = sys.stdin.buffer.readline()
+    orders = json.loads(line)
     settings = GuardSettings.model_validate_json(json.dumps(orders["rig"]["guard"]))
-    calibration = Calibration(**orders["calibration"])
     _log_to(settings.log_file)
-    with Card(orders["card_address"], card_settings.device) as card:
+    with Card(orders["card_address"], orders["rig"]["card"]["device"]) as card:
         card.connect()
+        second = _Second(line, orders["hold_open"])
         words: queue.SimpleQueue[str | None] = queue.SimpleQueue()
         threading.Thread(target=_listen, args=(sys.stdin.buffer, words), daemon=True).start()
-        print("ready", flush=True)
-        return _watch(
+        print("ready", second.pid, flush=True)
+        watch = Watch(
             words,
-            program=orders["program"],
+            second,
+            orders,
             heartbeat_timeout_s=settings.heartbeat_timeout_s,
-            to_safety=lambda: bring_to_safety(card, card_settings, lever, calibration),
+            to_safety=to_safety_with(card, orders),
             free=card.clear_left_over_tasks,
         )
+        code = watch.until_the_end()
+        # where the arm could not be moved, the person has been told: a second one could not either
+        second.say("end")
+        return code
+
+
+def to_safety_with(card: Card, orders: dict[str, Any]) -> ToSafety:
+    """What brings the arm to safety by this card, as ordered."""
+    settings = CardSettings.model_validate_json(json.dumps(orders["rig"]["card"]))
+    lever = LeverSettings.model_validate_json(json.dumps(orders["rig"]["lever"]))
+    calibration = Calibration(**orders["calibration"])
+    return lambda bearings: bring_to_safety(card, settings, lever, calibration, bearings)
+
+
+class _Second:
+    """The second guard: hears what this one hears, and that this one lives."""
+
+    def __init__(self, orders: bytes, hold_open: list[int]) -> None:
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "rig.hardware.second_guard"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            bufsize=0,
+            **own_session(hold_open),
+        )
+        self.pid = self._process.pid
+        self._write(orders)
+        assert self._process.stdin is not None
+        if sys.platform != "win32":
+            os.set_blocking(self._process.stdin.fileno(), False)
+
+    @property
+    def alive(self) -> bool:
+        """Whether its process runs."""
+        return self._process.poll() is None
+
+    def say(self, words: str) -> None:
+        """Pass words on; where it is gone, `alive` says so."""
+        self._write(words.encode() + b"\n")
+
+    def _write(self, line: bytes) -> None:
+        assert self._process.stdin is not None
+        with contextlib.suppress(OSError):
+            self._process.stdin.write(line)
 
 
 def _listen(pipe: BinaryIO, words: queue.SimpleQueue[str | None]) -> None:
@@ -69,53 +130,133 @@ def _listen(pipe: BinaryIO, words: queue.SimpleQueue[str | None]) -> None:
     words.put(None)
 
 
-def _watch(
-    words: queue.SimpleQueue[str | None],
-    *,
-    program: int,
-    heartbeat_timeout_s: float,
-    to_safety: Callable[[], Retreat],
-    free: Callable[[], None],
-) -> int:
-    away = False
-    heard_s = time.monotonic()
-    parent = os.getppid()
-    while True:
-        try:
-            word = words.get(timeout=_LOOK_S)
-        except queue.Empty:
-            # the pipe stays open while any process forked by the program lives
-            dead = os.getppid() != parent
-        else:
-            heard_s = time.monotonic()
-            dead = word is None
-            if word == "end":
+class Watch:
+    """What the guard knows of the program, and what it does about it."""
+
+    def __init__(
+        self,
+        words: queue.SimpleQueue[str | None],
+        second: _Second,
+        orders: dict[str, Any],
+        *,
+        heartbeat_timeout_s: float,
+        to_safety: ToSafety,
+        free: Callable[[], None],
+    ) -> None:
+        self._words = words
+        self._second = second
+        self._orders = orders
+        self._timeout_s = heartbeat_timeout_s
+        self._to_safety = to_safety
+        self._free = free
+        self._bearings: Bearings | None = None
+        """Where the output may be while the arm is away; None while it is safe."""
+        self._heard_s = dict.fromkeys(_BEATING, time.monotonic())
+        self._reported_s = 0.0
+        self._ended = False
+        self._gone = False
+
+    def until_the_end(self) -> int:
+        """Watch until the program ends, or is gone and the arm safe; the exit code."""
+        parent = os.getppid()
+        looked_s = time.monotonic()
+        while True:
+            self._hear()
+            if self._ended:
                 return 0
-            if word in {"away", "safe"}:
-                away = word == "away"
-        if dead and not away:
-            _log.info("the program is gone, the arm is safe: freeing the card")
-            free()
-            return 0
-        if dead:
-            return _move("the program is gone", to_safety, program=None)
-        if away and time.monotonic() - heard_s > heartbeat_timeout_s:
-            _move(f"no sign of life for {heartbeat_timeout_s:g} s", to_safety, program=program)
-            away = False
+            # the pipe stays open while any process forked by the program lives
+            dead = self._gone or os.getppid() != parent
+            now_s = time.monotonic()
+            if now_s - looked_s > self._timeout_s / 2:
+                # the guard stood still itself: what was said meanwhile is heard first
+                self._heard_s = dict.fromkeys(_BEATING, now_s)
+            looked_s = now_s
+            self._report(now_s)
+            if dead and self._bearings is None:
+                _log.info("the program is gone, the arm is safe: freeing the card")
+                self._free()
+                return 0
+            if dead:
+                return self._move("the program is gone", program=None)
+            silent = [who for who in _BEATING if now_s - self._heard_s[who] > self._timeout_s]
+            if self._bearings is not None and silent:
+                why = f"no sign of life of the {' and the '.join(silent)} for {self._timeout_s:g} s"
+                self._move(why, program=self._orders["program"])
+                self._bearings = None
+
+    def _hear(self) -> None:
+        """Take in all words that have come, waiting a little for the first."""
+        try:
+            word = self._words.get(timeout=_LOOK_S)
+            while True:
+                self._take(word)
+                word = self._words.get_nowait()
+        except queue.Empty:
+            return
+
+    def _take(self, word: str | None) -> None:
+        if word is None:
+            self._gone = True
+            return
+        self._second.say(word)
+        kind, *values = word.split()
+        if kind == "beat":
+            self._heard_s[values[0]] = time.monotonic()
+        elif kind == "away":
+            if self._bearings is None:
+                self._heard_s = dict.fromkeys(_BEATING, time.monotonic())
+            self._bearings = Bearings(*(float(value) for value in values))
+        elif kind == "safe":
+            self._bearings = None
+        elif kind == "end":
+            self._ended = True
+
+    def _report(self, now_s: float) -> None:
+        """Say to the program and to the second guard that this one lives."""
+        if now_s - self._reported_s < _REPORT_S:
+            return
+        self._reported_s = now_s
+        self._second.say("alive")
+        with contextlib.suppress(OSError):
+            print("alive" if self._second.alive else "alone", flush=True)
+
+    def _move(self, why: str, *, program: int | None) -> int:
+        self._second.say("moving")
+        code = move(why, self._to_safety, self._bearings, program=program, tell_fd=self._orders["tell_fd"])
+        if code == 0:
+            self._second.say("safe")
+        return code
 
 
-def _move(why: str, to_safety: Callable[[], Retreat], *, program: int | None) -> int:
-    """Bring the arm to safety, trying while the card is still held; 0 when it is there."""
+def move(
+    why: str,
+    to_safety: ToSafety,
+    bearings: Bearings | None,
+    *,
+    program: int | None,
+    tell_fd: int | None,
+) -> int:
+    """Bring the arm to safety, trying while the card is still held; 0 when it is there.
+
+    ``program``: a process to be ended where it holds the card. A person is told where it takes time.
+    """
     began_s = time.monotonic()
     _log.warning("%s and the arm is not safe: taking the card", why)
+    told = threading.Timer(
+        _TELL_S, tell_person, (tell_fd, f"{why} and the arm is not clear yet: LIFT IT BY HAND")
+    )
+    told.daemon = True
+    told.start()
     while True:
         try:
-            done = to_safety()
+            done = to_safety(bearings)
         except HardwareError as error:
             spent_s = time.monotonic() - began_s
             _log.warning("after %.3f s: %s", spent_s, error)
-            if spent_s > _TRIES_S:
+            if spent_s > (_DISOBEYED_S if isinstance(error, RetreatFailedError) else _TRIES_S):
                 _log.error("the arm could not be moved; lift it by hand")
+                told.cancel()
+                tell_person(tell_fd, f"the arm could not be moved away, LIFT IT BY HAND: {error}")
                 return 1
             if isinstance(error, CardBusyError) and program is not None:
                 # a program that is silent and holds the card keeps the arm where it is: it must go
@@ -125,12 +266,13 @@ def _move(why: str, to_safety: Callable[[], Retreat], *, program: int | None) ->
                 program = None
             time.sleep(_RETRY_S)
         else:
+            told.cancel()
+            spent_s = time.monotonic() - began_s
             _log.warning(
-                "arm moved from %.3f to %.3f mm, %.3f s after the alarm",
-                done.from_mm,
-                done.to_mm,
-                time.monotonic() - began_s,
+                "arm moved from %.3f to %.3f mm, %.3f s after the alarm", done.from_mm, done.to_mm, spent_s
             )
+            if spent_s > _TELL_S:
+                tell_person(tell_fd, "the arm is clear")
             return 0
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from analysis.recordings.trial import Calibration
 from rig.errors import RigError
+from rig.hardware import proof
 from rig.hardware.brake import Brake
 from rig.hardware.daq import Card, CardInput
 from rig.hardware.drive import ArmWatcher, Drive
@@ -23,15 +24,10 @@ from rig.hardware.errors import (
     NotWiredError,
     RetreatFailedError,
 )
-from rig.hardware.limits import volts_within_limits
+from rig.hardware.limits import lead_s, volts_within_limits
 from rig.hardware.playback import Chunk, Playback
 from rig.hardware.recorder import Recorder
-from rig.hardware.retreat import (
-    LATE_S,
-    LOOK_S,
-    bring_to_safety,
-    commanded_by_loopback_mm,
-)
+from rig.hardware.retreat import LATE_S, bring_to_safety, output_now_v, straight_mm
 from rig.settings.rig_file import RigFile
 
 __all__ = ["Chunk", "Lever", "Playback"]
@@ -63,23 +59,22 @@ class Lever:
         self.limits = rig.lever
         self._settings = rig.card
         self._card = Card(card_address, rig.card.device)
-        self._drive = Drive(self._card, rig.card, guard)
+        self._drive = Drive(self._card, rig.card, guard, self._volts_at(rig.lever.safe_position_mm))
         self._brake = Brake(self._drive, rig, calibration)
         self._recorder: Recorder | None = None
 
     def __enter__(self) -> Self:
+        c, wired = self.calibration, self.loopback_wired
         try:
             with contextlib.closing(self._open_input()) as source:
                 source.start()
-                seen = source.read(round(LOOK_S * self.sample_rate_hz), timeout_s=LATE_S).mean(axis=1)
-        except CardError:
+                seen = source.read(round(proof.LOOK_S * self.sample_rate_hz), timeout_s=LATE_S)
+            proof.prove_at_rest(seen, c, self.limits, loopback_wired=wired)
+            held_v = output_now_v(seen, c, self.limits, loopback_wired=wired, bearings=None)
+        except HardwareError:
             self._card.close()
             raise
-        c = self.calibration
-        commanded_mm = (float(seen[0]) - c.position_zero_v) / c.volts_per_mm
-        if self.loopback_wired:
-            commanded_mm = commanded_by_loopback_mm(float(seen[2]), commanded_mm, c, self.limits)
-        self._drive.rest_at(self._volts_at(commanded_mm))
+        self._drive.rest_at(held_v)
         return self
 
     def __exit__(
@@ -157,20 +152,30 @@ class Lever:
 
     def play_until(
         self, waveform_mm: FloatArray, seen: Callable[[Chunk], bool], samples_per_read: int
-    ) -> Playback:
-        """Play as `play` does, and stop the output as soon as ``seen`` returns True for the samples fetched.
+    ) -> Playback | None:
+        """Play until ``seen`` returns True for the samples fetched, with the output written just ahead.
 
         The reader thread itself shows ``seen`` every block when it comes, ``samples_per_read`` samples or,
         where the computer was late, more, so that nothing stands between a sample and the stop.
-        `Playback.stopped` says that it has happened, `halt` where.
+        `Playback.stopped` says that it has happened, `halt` where. The card never holds more than the next
+        `lead_s` of the motion, given to it only after the latest samples were looked at: when program,
+        computer or card server stand still the arm stops by itself, and `Playback.starved` says so; then
+        `go_on`. None where ``seen`` was True before the arm moved.
         """
         recorder = self._recording()
         self._brake.look_for(seen, recorder, samples_per_read)
         try:
-            return self.play(waveform_mm)
+            return self._stream(waveform_mm)
         except HardwareError:
             self._brake.look_no_longer(recorder)
             raise
+
+    def go_on(self, waveform_mm: FloatArray) -> Playback | None:
+        """Begin the rest of a motion of `play_until` that starved; all samples up to now are looked at first.
+
+        None where what is looked for has been seen meanwhile: the arm then stays where it is.
+        """
+        return self._stream(waveform_mm)
 
     def record_once(self, waveform_mm: FloatArray, tail_s: float = 0.0) -> tuple[Chunk, Playback]:
         """Play a waveform and record it from its first sample, started by one trigger.
@@ -219,12 +224,53 @@ class Lever:
                 return
         self._drop_tasks()
         try:
-            done = bring_to_safety(self._card, self._settings, self.limits, self.calibration)
+            done = bring_to_safety(
+                self._card,
+                self._settings,
+                self.limits,
+                self.calibration,
+                self._drive.bearings,
+                self._alive,
+            )
         except CardError as error:
             raise RetreatFailedError(f"the arm could not be moved away, lift it by hand: {error}") from error
         _log.info("arm moved from %.3f to %.3f mm", done.from_mm, done.to_mm)
-        self._drive.rest_at(self._volts_at(self.limits.safe_position_mm))
+        self._drive.rest_at(self._drive.safe_v)
         self._brake.arrived()
+
+    def prove(self) -> None:
+        """Move the arm by 0.05 mm at the safe position and back, to see that every signal says so.
+
+        Raises ArmNotProvenError where one does not, or where the force is not that of a free arm.
+        """
+        c, limits, rate_hz = self.calibration, self.limits, self.sample_rate_hz
+        n_look = round(proof.LOOK_S * rate_hz)
+        safe_mm = limits.safe_position_mm
+        # away from the finger, where there is room
+        room = safe_mm - proof.PROBE_MM >= limits.travel_min_mm
+        far_mm = safe_mm + (-proof.PROBE_MM if room else proof.PROBE_MM)
+        there = straight_mm(self.commanded_mm, far_mm, speed_mm_s=proof.PROBE_SPEED_MM_S, rate_hz=rate_hz)
+        stay = np.full(round(proof.PROBE_STAY_S * rate_hz), far_mm)
+        self.start_recording()
+        before = self._samples(self.read(n_look))
+        proof.prove_free(before[1], c, limits)
+        playback = self.play(np.concatenate([there, stay, there[::-1]]))
+        while not playback.done:
+            self.read(n_look)
+        recorder = self._recording()
+        begin = playback.started_sample
+        begin = (playback.expected_sample if begin is None else begin) + len(there) + len(stay) // 3
+        during = recorder.peek(begin, begin + len(stay) // 3)
+        self.stop_recording()
+        proof.prove_probe(before, during, far_mm - safe_mm, c, loopback_wired=self.loopback_wired)
+
+    def look_for_force(self, force_mn: float | None) -> None:
+        """Reverse every motion above this force, mN, until told otherwise; None: above the rig's limit only."""
+        self._brake.set_ceiling(force_mn)
+
+    def surface_found(self, position_mm: float) -> None:
+        """The arm goes no deeper than the rig's largest depth below this position while recording lasts."""
+        self._brake.set_surface(position_mm)
 
     def stop_recording(self) -> None:
         """Stop the inputs; samples fetched and not yet read are dropped.
@@ -236,10 +282,36 @@ class Lever:
             self._drive.rest_at(self._drive.held_v)
             recorder.stop()
 
+    def _stream(self, waveform_mm: FloatArray) -> Playback | None:
+        recorder = self._recording()
+        volts = self._checked(waveform_mm)
+        speed_mm_s = float(np.abs(np.diff(waveform_mm)).max()) * self.sample_rate_hz
+        recorder.wait_for(recorder.acquired() + _AT_REST)
+        with self._drive.lock:
+            self._brake.refuse_after_limit()
+            if not self._brake.looking:
+                return None
+            return self._drive.start_stream(
+                volts,
+                lead_samples=round(lead_s(speed_mm_s) * self.sample_rate_hz),
+                acquired=recorder.acquired,
+                taken=self._taken,
+            )
+
     def _chunk(self, start: int, block: FloatArray) -> Chunk:
         """The chunk of samples (n_channels, n), V."""
         command_v = block[2] if self.loopback_wired else self._drive.sent_v(start, start + block.shape[1])
         return Chunk(start, block[0], block[1], command_v, self.calibration)
+
+    def _samples(self, chunk: Chunk) -> FloatArray:
+        """A chunk's samples as they came, (n_channels, n), V."""
+        channels = [chunk.position_v, chunk.force_v]
+        return np.array([*channels, chunk.command_v] if self.loopback_wired else channels)
+
+    def _alive(self) -> None:
+        """Where the program reads the card itself, it is the reader too."""
+        for who in ("engine", "reader"):
+            self._drive.beat(who)
 
     def _taken(self) -> int:
         return 0 if self._recorder is None else self._recorder.taken
@@ -250,8 +322,15 @@ class Lever:
     def _checked(self, waveform_mm: FloatArray) -> FloatArray:
         """The waveform in volts, or LimitRefusedError."""
         self._brake.refuse_after_limit()
+        self._drive.check_watcher()
         if self._drive.moving():
             raise LimitRefusedError("the arm still moves; nothing was sent; wait for its end, or halt it")
+        deepest_mm = self._brake.deepest_mm
+        if float(np.max(waveform_mm, initial=-np.inf)) > max(deepest_mm, self.commanded_mm) + 1e-6:
+            raise LimitRefusedError(
+                f"the motion goes to {waveform_mm.max():.3f} mm, beyond the {deepest_mm:.3f} mm that "
+                "lever.depth_max_mm allows below the surface found; nothing was sent; lower the depth"
+            )
         return volts_within_limits(
             waveform_mm,
             self.limits,
@@ -294,6 +373,7 @@ class Lever:
         recorder = Recorder(
             source,
             rate_hz=self.sample_rate_hz,
+            alive=lambda: self._drive.beat("engine"),
             ring_samples=round(_RING_S * self.sample_rate_hz),
             read_samples=max(round(self._settings.read_interval_s * self.sample_rate_hz), 1),
             inspect=look,

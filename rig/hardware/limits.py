@@ -20,6 +20,13 @@ STEP_TOLERANCE_MM = 0.005
 _TRAVEL_MARGIN_MM = 0.2
 """The recorded position may pass the travel by this: noise, overshoot, constants not yet calibrated."""
 
+_NOISE_SAMPLES = 160
+"""The noise of the force is judged over so many samples, 20 ms: at 1 mm/s a dead line is known within 20 um."""
+
+_LEAD_MM = 0.03
+_LEAD_S = (0.02, 0.03)
+"""Of a motion towards something unknown the card holds 30 um, or 20 ms where that is more: 6 mN of skin."""
+
 _PERSISTENT_SAMPLES = 4
 """A limit is hit when so many samples in a row pass it: half a millisecond, so that no single spike does."""
 
@@ -81,6 +88,12 @@ def volts_within_limits(
     return volts
 
 
+def lead_s(speed_mm_s: float) -> float:
+    """How far ahead of the samples looked at the output of an approach is written, s: the arm stops within it."""
+    shortest_s, longest_s = _LEAD_S
+    return min(max(_LEAD_MM / speed_mm_s, shortest_s), longest_s)
+
+
 @dataclass
 class _Streak:
     """How many samples in a row have passed a limit, carried from block to block."""
@@ -99,6 +112,37 @@ class _Streak:
         return None
 
 
+class _ForceNoise:
+    """Tells a force line that has gone dead, or is cut off: every sensor has noise, a broken wire has none.
+
+    The noise is that of the differences between neighbouring samples, so that a force that changes adds nothing.
+    """
+
+    def __init__(self, least_v: float) -> None:
+        self._least_v = least_v
+        self._before: float | None = None
+        self._sum_v2 = 0.0
+        self._n = 0
+        self.last_v = float("nan")
+
+    def dead_at(self, force_v: FloatArray) -> int | None:
+        """Index of the sample by which the line is known to be dead, or None; blocks come in order."""
+        steps_v = np.diff(force_v, prepend=force_v[0] if self._before is None else self._before)
+        self._before = float(force_v[-1])
+        done = 0
+        while done < len(steps_v):
+            part = steps_v[done : done + _NOISE_SAMPLES - self._n]
+            done += len(part)
+            self._sum_v2 += float(np.dot(part, part))
+            self._n += len(part)
+            if self._n == _NOISE_SAMPLES:
+                self.last_v = (self._sum_v2 / self._n / 2) ** 0.5
+                self._sum_v2, self._n = 0.0, 0
+                if self.last_v < self._least_v:
+                    return done - 1
+        return None
+
+
 class Watch:
     """Checks every block of samples against the limits, in order."""
 
@@ -107,7 +151,19 @@ class Watch:
         self._calibration = calibration
         # the converter's last step at either end
         self._full_scale_v = range_v * (1 - 2.0**-14)
-        self._streaks = {name: _Streak() for name in ("force", "travel", "following error", "saturation")}
+        self._streaks = {
+            name: _Streak() for name in ("force", "travel", "depth", "following error", "saturation")
+        }
+        self._force_noise = _ForceNoise(limits.force_noise_min_mn * abs(calibration.volts_per_mn))
+        self.ceiling_mn: float | None = None
+        """A force above which the motion under way reverses, mN; None: the rig's limit alone."""
+        self.surface_mm: float | None = None
+        """Where the surface was found, mm, once it has been."""
+
+    @property
+    def deepest_mm(self) -> float:
+        """How far the arm may be sent, mm, once a surface was found; before, its travel is the limit."""
+        return np.inf if self.surface_mm is None else self.surface_mm + self._limits.depth_max_mm
 
     def check(self, start: int, position_v: FloatArray, force_v: FloatArray, command_v: FloatArray) -> None:
         """Raise LimitHit where a limit is passed; ``start`` is the sample index of the block."""
@@ -127,9 +183,14 @@ class Watch:
         command_mm = (command_v - c.command_zero_v) / c.command_volts_per_mm
         middle_mm = (limits.travel_max_mm + limits.travel_min_mm) / 2
         reach_mm = (limits.travel_max_mm - limits.travel_min_mm) / 2 + _TRAVEL_MARGIN_MM
+        allowed_mn = (
+            limits.force_max_mn if self.ceiling_mn is None else min(self.ceiling_mn, limits.force_max_mn)
+        )
         # a force below zero counts as well: skin that clings, or an arm that is held
         for limit, signal, about, allowed, unit in (
-            ("force", force_mn, 0.0, limits.force_max_mn, "mN"),
+            ("force", force_mn, 0.0, allowed_mn, "mN"),
+            # the position may lie as far beyond the depth as beyond the travel
+            ("depth", position_mm, 0.0, self.deepest_mm + _TRAVEL_MARGIN_MM, "mm"),
             ("following error", command_mm - position_mm, 0.0, limits.following_error_max_mm, "mm"),
             ("travel", position_mm, middle_mm, reach_mm, "mm"),
             ("saturation", force_v, 0.0, self._full_scale_v, "V"),
@@ -144,3 +205,13 @@ class Watch:
                     allowed=about + allowed,
                     position_mm=float(position_mm[hit]),
                 )
+        dead = self._force_noise.dead_at(force_v)
+        if dead is not None:
+            raise LimitHit(
+                "force noise",
+                sample=start + dead,
+                value=self._force_noise.last_v / abs(c.volts_per_mn),
+                unit="mN rms",
+                allowed=limits.force_noise_min_mn,
+                position_mm=float(position_mm[dead]),
+            )

@@ -10,9 +10,12 @@ from numpy.typing import NDArray
 
 from analysis.recordings.trial import Calibration
 from rig.hardware.alignment import StartFinder
-from rig.hardware.daq import CardOutput
+from rig.hardware.daq import CardOutput, CardStream
 
 FloatArray = NDArray[np.float64]
+
+_PIECES = 4
+"""A stream is topped up as soon as so small a part of its lead is used: each write costs a call to the card."""
 
 
 @dataclass(frozen=True)
@@ -127,3 +130,87 @@ class Playback:
     def mark_stopped(self) -> None:
         """The lever has stopped it."""
         self._stopped = True
+
+    @property
+    def sent_v(self) -> FloatArray:
+        """What the card was given of the waveform, V."""
+        return self.volts
+
+    @property
+    def starved(self) -> bool:
+        """True when it stopped by itself for want of samples; the arm stands where it had got to."""
+        return False
+
+
+class StreamPlayback(Playback):
+    """A waveform of which the card holds only the next moments.
+
+    ``lead_samples``: how many samples the card may have beyond the last one that was looked at. Whatever
+    happens to program, computer or card server, the arm goes no further than that.
+    """
+
+    def __init__(
+        self,
+        output: CardStream,
+        volts: FloatArray,
+        *,
+        expected_sample: int,
+        not_before: int,
+        lead_samples: int,
+        finder: StartFinder | None,
+        samples_read: Callable[[], int],
+    ) -> None:
+        super().__init__(
+            output,
+            volts,
+            expected_sample=expected_sample,
+            triggered=False,
+            finder=finder,
+            samples_read=samples_read,
+        )
+        self._stream = output
+        self._not_before = not_before
+        self._lead = lead_samples
+        self._released = min(lead_samples, len(volts))
+        self._starved = False
+
+    @property
+    def sent_v(self) -> FloatArray:
+        """What the card was given of the waveform so far, V."""
+        return self.volts[: self._released]
+
+    @property
+    def starved(self) -> bool:
+        """True when it stopped by itself for want of samples; the arm stands where it had got to."""
+        return self._starved
+
+    @property
+    def done(self) -> bool:
+        """True when it was stopped, ran dry, or the samples read reach past the end of the whole waveform."""
+        if self._stopped or self._starved:
+            return True
+        started = self.started_sample
+        begin = self._expected if started is None else started
+        return self._released == self.n and self._samples_read() >= begin + self.n
+
+    def release(self, judged: int) -> FloatArray:
+        """Give the card what may follow now that the samples before ``judged`` were looked at; what was given.
+
+        Raises OutputStarvedError where it had run dry.
+        """
+        started = self.started_sample
+        out = judged - (self._not_before if started is None else started)
+        if started is None:
+            # not known to the sample yet: no sooner than it was ordered, no further than the card says
+            out = min(out, self._stream.generated())
+        n = min(out + self._lead, self.n) - self._released
+        if n < self._lead // _PIECES and (n <= 0 or self._released + n < self.n):
+            return self.volts[:0]
+        piece = self.volts[self._released : self._released + n]
+        self._stream.write(piece)
+        self._released += n
+        return piece
+
+    def mark_starved(self) -> None:
+        """It has run dry."""
+        self._starved = True

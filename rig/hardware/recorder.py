@@ -24,6 +24,9 @@ _POLL_S = 0.01
 _AT_ONCE = 8000
 """Most samples fetched in one call from what is at hand."""
 
+_ALIVE_S = 0.1
+"""Who waits for samples says so often that it lives."""
+
 _BEHIND = 2
 """Reads that the card must be ahead of the thread, by the clock, before it is asked what is at hand."""
 
@@ -38,7 +41,8 @@ class Recorder:
     one read: small reads would each cost the same time, and on a busy computer never catch up.
 
     ``inspect(start, block)`` is called in the thread with every block (n_channels, n), V; what it raises
-    (a RigError) is raised in the program's next `take`.
+    (a RigError) is raised in the program's next `take`. ``alive()`` is called in the program's thread
+    whenever it waits.
     """
 
     def __init__(
@@ -49,6 +53,7 @@ class Recorder:
         ring_samples: int,
         read_samples: int,
         inspect: Callable[[int, FloatArray], None],
+        alive: Callable[[], None] = lambda: None,
     ) -> None:
         self._source = source
         self._rate_hz = rate_hz
@@ -57,6 +62,7 @@ class Recorder:
         self.read_samples = read_samples
         """Samples fetched at a time while the thread keeps up with the card."""
         self._inspect = inspect
+        self._alive = alive
         self._changed = threading.Condition()
         self._filled = 0
         self._taken = 0
@@ -98,6 +104,7 @@ class Recorder:
         Raises what `inspect` found, once; what ended the reading; SamplesLateError after
         ``timeout_s`` (default: the samples' duration and 5 s).
         """
+        self._alive()
         self.wait_for(self._taken + n, timeout_s)
         block = self.peek(self._taken, self._taken + n)
         with self._changed:
@@ -135,7 +142,9 @@ class Recorder:
                     return
                 if self._dead is not None:
                     raise self._dead
-                if not self._changed.wait(max(deadline_s - time.monotonic(), 0)):
+                self._alive()
+                patience_s = deadline_s - time.monotonic()
+                if not self._changed.wait(min(max(patience_s, 0), _ALIVE_S)) and patience_s <= 0:
                     raise SamplesLateError(
                         f"{stop - self._filled} of {n} samples did not come within {timeout_s:.3g} s; "
                         "check the card and its cable, then run again"

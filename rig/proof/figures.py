@@ -1,4 +1,4 @@
-"""The figures of a proof over all its cases: rates with their counts, by kind and by strength."""
+"""The figures of a proof over all its cases: rates with their counts, by kind and by mechanism."""
 
 from __future__ import annotations
 
@@ -6,28 +6,22 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from statistics import mean, median
 
+from rig.proof.probability import expected_calibration_error, set_size, statements
+from rig.proof.recovery import BIASED, sizes, tissue_bias
 from rig.proof.scores import (
-    BIASED,
-    NO_MISMATCH,
     Outcome,
     all_named,
     all_within,
-    decibel,
     first_right,
     is_alarm,
+    is_right,
     location_overlap,
-    matched_strength,
     rate,
-    recoveries,
     right_phase,
     spurious,
-    strength_at,
-    tissue_bias,
     wrong_and_alone,
+    wrong_library_name,
 )
-
-STRONG = 20.0
-"""From this strength on an effect is to be named."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,56 +34,61 @@ class Figure:
 
 
 @dataclass(frozen=True, slots=True)
-class Rung:
-    """The single effects of one rung of the ladder of strength: counts."""
+class ByName:
+    """What became of one mechanism concealed alone: counts; ``sized``: of which ``covered`` hold the truth."""
 
-    rung: float
+    name: str
     cases: int
     detected: int
     first: int
     within: int
     wrong_and_alone: int
+    sized: int
+    covered: int
 
 
-def ladder(outcomes: Sequence[Outcome]) -> list[Rung]:
-    """Return the single effects by rung, weakest first."""
-    single = [o for o in outcomes if o.truth.kind == "single"]
+def by_name(outcomes: Sequence[Outcome]) -> list[ByName]:
+    """Return the single effects by their names."""
+    single = _of_kind(outcomes, "single")
     found = []
-    for rung in sorted({o.truth.rung for o in single}):
-        of = [o for o in single if o.truth.rung == rung]
-        counts = [sum(map(test, of)) for test in (is_alarm, first_right, all_within, wrong_and_alone)]
-        found.append(Rung(rung, len(of), *counts))
+    for name in sorted({e.name for o in single for e in o.truth.effects}):
+        of = [o for o in single if name in o.truth.names]
+        detected, first, within, misled = (
+            sum(map(test, of)) for test in (is_alarm, first_right, all_within, wrong_and_alone)
+        )
+        covered, sized = rate(r.covered for o in of for r in sizes(o))
+        found.append(ByName(name, len(of), detected, first, within, misled, sized, covered))
     return found
 
 
 def figures(outcomes: Sequence[Outcome]) -> list[Figure]:
     """Return every figure that these cases allow."""
-    nulls = _of_kind(outcomes, "null")
-    strong = [o for o in _of_kind(outcomes, "single") if o.truth.rung >= STRONG]
+    single, outside = _of_kind(outcomes, "single"), _of_kind(outcomes, "outside")
     found = [
-        _rate("false alarms on nulls", nulls, is_alarm),
-        _rate("single, strength 20 and more: first name right", strong, first_right),
-        _rate("single, strength 20 and more: truth within the named set", strong, all_within),
-        _rate("single, any strength: wrong and alone", _of_kind(outcomes, "single"), wrong_and_alone),
-        _rate("pairs: both named", _of_kind(outcomes, "pair"), all_named),
-        _rate(
-            "outside the library: unknown", _of_kind(outcomes, "outside"), lambda o: o.verdict == "unknown"
-        ),
-        _rate("outside the library: right phase", _of_kind(outcomes, "outside"), right_phase),
+        _rate("false alarms on nulls", _of_kind(outcomes, "null"), is_alarm),
+        _rate("single: first name right", single, first_right),
+        _rate("single: truth within the named set", single, all_within),
+        _rate("single: wrong and alone", single, wrong_and_alone),
+        _rate("single: nothing named beside it", single, lambda o: not spurious(o)),
+    ]
+    for kind in ("pair", "triple"):
+        of = _of_kind(outcomes, kind)
+        found.append(_rate(f"{kind}s: all named", of, all_named))
+        found.append(_rate(f"{kind}s: all named and nothing else", of, is_right))
+    found += [
+        _rate("outside the library: unknown", outside, lambda o: o.verdict == "unknown"),
+        _rate("outside the library: right phase", outside, right_phase),
+        _rate("outside the library: a wrong library name", outside, wrong_library_name),
         _rate("absorbed: nothing forced, or named", _of_kind(outcomes, "absorbed"), _not_forced),
     ]
     named = [o for o in outcomes if o.named_sets and o.truth.effects]
     found.append(_mean("mean size of the named set", [len(s) for o in named for s in o.named_sets]))
-    found.append(_mean("mechanisms named beside the truth, a case", [float(spurious(o)) for o in named]))
     overlaps = [location_overlap(o) for o in outcomes if o.truth.effects]
     found.append(
         _mean("share of the reported mismatch in the right phases", [x for x in overlaps if x is not None])
     )
-    return [
-        f
-        for f in [*found, *_recovery(named), *_tissue(outcomes), *_heldout(outcomes), *_power(outcomes)]
-        if f.over
-    ]
+    more = [*_recovery(named), *_probability(outcomes), *_tissue(outcomes), *_heldout(outcomes)]
+    return [f for f in [*found, *more] if f.over]
 
 
 def _of_kind(outcomes: Iterable[Outcome], kind: str) -> list[Outcome]:
@@ -110,22 +109,32 @@ def _mean(what: str, values: Sequence[float]) -> Figure:
     return Figure(what, f"{mean(values):.2f}" if values else "", len(values))
 
 
-def _recovery(outcomes: Sequence[Outcome]) -> list[Figure]:
-    found = [r for o in outcomes for r in recoveries(o)]
+def _recovery(named: Sequence[Outcome]) -> list[Figure]:
+    found = [r for o in named for r in sizes(o)]
     if not found:
         return []
     covered, n = rate(r.covered for r in found)
+    error = median(r.relative_error for r in found)
     return [
-        Figure(
-            "parameters of named mechanisms: median error",
-            f"{median(r.relative_error for r in found):.1%}",
-            n,
-        ),
+        Figure("sizes of named mechanisms: median error", f"{error:.1%}", n),
         Figure(
             "their intervals (1.96 standard errors) hold the truth",
             f"{covered} of {n} ({covered / n:.0%})",
             n,
         ),
+    ]
+
+
+def _probability(outcomes: Sequence[Outcome]) -> list[Figure]:
+    said = [s for o in outcomes for s in statements(o)]
+    if not said:
+        return []
+    held, n = rate(s.held for s in said)
+    names = sum(len(s.probabilities) - 1 for s in said)
+    return [
+        Figure("probability: expected calibration error", f"{expected_calibration_error(said):.3f}", names),
+        Figure("probability: 90 % sets hold the truth", f"{held} of {n} ({held / n:.0%})", n),
+        Figure("probability: names in a 90 % set", f"{set_size(said):.2f}", n),
     ]
 
 
@@ -157,26 +166,3 @@ def _heldout(outcomes: Sequence[Outcome]) -> list[Figure]:
         Figure("held-out chi2 where named, median after", f"{after:.4f}", n),
         Figure("held-out chi2 where named, within 5 % of the floor", f"{close} of {n}", n),
     ]
-
-
-def _power(outcomes: Sequence[Outcome]) -> list[Figure]:
-    single = [o for o in outcomes if o.truth.kind == "single"]
-    if not single:
-        return []
-    strengths = [o.truth.effects[0].strength for o in single]
-    nulls = _of_kind(outcomes, "null")
-    level = min(max(sum(map(is_alarm, nulls)) / len(nulls), 0.01), 0.2) if nulls else 0.05
-    found = []
-    for power in (0.5, 0.9):
-        reached = strength_at(power, strengths, [o.verdict != NO_MISMATCH for o in single])
-        if reached is None:
-            continue
-        ideal = matched_strength(power, level)
-        found.append(
-            Figure(
-                f"strength detected at {power:.0%}, over the matched test's at {level:.0%} false alarms",
-                f"{reached:.1f} over {ideal:.1f}: {decibel(reached / ideal):.1f} dB",
-                len(single),
-            )
-        )
-    return found

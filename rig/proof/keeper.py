@@ -7,7 +7,8 @@ import json
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from types import TracebackType
 from typing import IO, Any, Self
@@ -30,9 +31,16 @@ class Opened:
 class Keeper:
     """A running keeper, as a context manager; the truth is in its memory alone until it is opened."""
 
-    def __init__(self, cases: int, seed: int, drawn: Callable[[int, str], None]) -> None:
-        """``drawn`` is told each case's number and seal as soon as it is drawn."""
+    def __init__(
+        self,
+        cases: int,
+        seed: int,
+        study: Sequence[Mapping[str, str | float]],
+        drawn: Callable[[int, str], None],
+    ) -> None:
+        """``study``: finger, site, repeat, depth_mm, rest_s of each trial; ``drawn`` is told each case and its seal."""
         self._cases, self._seed, self._drawn = cases, seed, drawn
+        self._study = json.dumps(list(study))
         self._errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - closed with the keeper
         self._process: subprocess.Popen[str] | None = None
         self.seals: list[str] = []
@@ -58,6 +66,7 @@ class Keeper:
             **own_session(),
         )
         try:
+            self._tell(self._study)
             while not self.address:
                 said = self._line()
                 if "seal" in said:
@@ -81,10 +90,7 @@ class Keeper:
 
     def open(self) -> list[Opened]:
         """Open every case and check it against its seal; RigError where one does not fit."""
-        process = self._running()
-        assert process.stdin is not None
-        process.stdin.write("open\n")
-        process.stdin.flush()
+        self._tell("open")
         found = []
         for number, told in enumerate(self.seals):
             said = self._line()
@@ -98,6 +104,13 @@ class Keeper:
         if self._process is None:
             raise RigError("the keeper of the concealed cases does not run; start it first")
         return self._process
+
+    def _tell(self, line: str) -> None:
+        process = self._running()
+        assert process.stdin is not None
+        with suppress(BrokenPipeError):  # a keeper that has ended says why when it is listened to
+            process.stdin.write(f"{line}\n")
+            process.stdin.flush()
 
     def _line(self) -> dict[str, Any]:
         process = self._running()
@@ -119,7 +132,8 @@ class Keeper:
         if process is not None:
             for pipe in (process.stdin, process.stdout):
                 if pipe is not None:
-                    pipe.close()
+                    with suppress(BrokenPipeError):  # what it was not told before it ended
+                        pipe.close()
             try:
                 process.wait(5.0)
             except subprocess.TimeoutExpired:

@@ -12,10 +12,10 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from rig.proof.figures import Figure, figures, ladder
-from rig.proof.scores import NO_MISMATCH, Outcome, Truth, all_named, all_within, spurious
+from rig.proof.figures import Figure, by_name, figures
+from rig.proof.scores import Outcome, Truth, is_right
 
-_UNKNOWN = "unknown"
+HEADER = ("concealed alone", "cases", "detected", "first name", "within set", "wrong, alone", "size held")
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,22 +41,8 @@ class ScoredCase:
         return self.outcome is not None and is_right(self.outcome)
 
 
-def is_right(outcome: Outcome) -> bool:
-    """Whether a case came out as it should: nothing named where nothing is, the right thing where it is."""
-    kind = outcome.truth.kind
-    if kind == "null":
-        return outcome.verdict == NO_MISMATCH
-    if kind == "outside":
-        return outcome.verdict == _UNKNOWN
-    if kind == "absorbed":
-        return all_within(outcome) or not outcome.named_sets
-    if kind == "pair":
-        return all_named(outcome) and not spurious(outcome)
-    return all_within(outcome) and not spurious(outcome)
-
-
 def print_tables(cases: Sequence[ScoredCase]) -> list[Figure]:
-    """Print the figures and the ladder of strengths; return the figures."""
+    """Print the figures and the single effects by name; return the figures."""
     console = Console(stderr=True)
     outcomes = [c.outcome for c in cases if c.outcome]
     found = figures(outcomes)
@@ -64,13 +50,13 @@ def print_tables(cases: Sequence[ScoredCase]) -> list[Figure]:
     for f in found:
         table.add_row(f.what, f.value, str(f.over))
     console.print(table)
-    rungs = ladder(outcomes)
-    if rungs:
-        steps = Table("strength", "cases", "detected", "first name", "within set", "wrong, alone")
-        for r in rungs:
-            counts = (r.cases, r.detected, r.first, r.within, r.wrong_and_alone)
-            steps.add_row(f"{r.rung:g}", *map(str, counts))
-        console.print(steps)
+    names = by_name(outcomes)
+    if names:
+        singles = Table(*HEADER)
+        for n in names:
+            counts = (n.cases, n.detected, n.first, n.within, n.wrong_and_alone)
+            singles.add_row(n.name, *map(str, counts), f"{n.covered} of {n.sized}")
+        console.print(singles)
     for case in cases:
         if case.failure:
             console.print(
@@ -89,7 +75,7 @@ def write_page(out: Path, cases: Sequence[ScoredCase], *, seed: int, trials: int
     )
     html = environment.get_template("page.html.j2").render(
         figures=figures(outcomes),
-        rungs=ladder(outcomes),
+        names=by_name(outcomes),
         cases=[_cells(c) for c in cases],
         seed=seed,
         trials=trials,
@@ -108,7 +94,8 @@ def case_data(case: ScoredCase) -> dict[str, Any]:
         "number": case.truth.number,
         "seal": case.seal,
         "kind": case.truth.kind,
-        "rung": case.truth.rung,
+        "noise": case.truth.noise,
+        "skin": case.truth.skin,
         "concealed": {e.name: e.strength for e in case.truth.effects},
         "verdict": report["verdict"] if report else None,
         "named": [list(s) for s in case.outcome.named_sets] if case.outcome else [],

@@ -21,19 +21,18 @@ from rig.errors import RigError
 from rig.proof.keeper import Keeper, Opened
 from rig.proof.page import ScoredCase, case_data, print_tables, write_page
 from rig.proof.scores import read_truth
+from rig.protocols.studying import design, rests_s, study_trials
+from rig.settings.protocol_file import Study
+from rig.settings.reading import load_protocol
 
-DEPTHS_MM = (0.2, 0.4, 0.6, 0.8)
-REPEATS = 5
-TRIALS = len(DEPTHS_MM) * REPEATS
-
-_STUDY = """# The study that every concealed case is recorded with.
+_STUDY = """# The study that every concealed case is recorded with: every trial at a site of its own.
 kind = "study"
 
 [study]
 subject = "proof"
-fingers = ["index"]
-depths_mm = {depths}
-repeats = {repeats}
+fingers = ["thumb", "index", "middle", "ring", "little"]
+depths_mm = [0.2, 0.4, 0.6, 0.8]
+repeats = 1
 rest_s = [120.0, 180.0]
 order = "shuffled"
 seed = {seed}
@@ -73,23 +72,45 @@ def run_proof(*, cases: int, seed: int, out: Path) -> Path:
     def drawn(number: int, seal: str) -> None:
         console.print(f"  case {number:3d}  {seal}", highlight=False, soft_wrap=True)
 
-    with Keeper(cases, seed, drawn) as keeper:
+    study = out / "study.toml"
+    study.write_text(_STUDY.format(seed=seed), encoding="utf-8")
+    trials = planned(study)
+    with Keeper(cases, seed, trials, drawn) as keeper:
         _write(out / "seals.json", keeper.seals)
         diagnosed = [_one_case(keeper, number, seed, out, console) for number in range(cases)]
         opened = keeper.open()
     _write(out / "truths.json", [{"salt": o.salt, "truth": o.text} for o in opened])
-    return _scored(diagnosed, opened, keeper.seals, seed, out)
+    return _scored(diagnosed, opened, keeper.seals, seed, len(trials), out)
+
+
+def planned(path: Path) -> list[dict[str, str | float]]:
+    """Return what the keeper is told of a study: finger, site, repeat, depth, rest of each indentation."""
+    study = load_protocol(path)
+    assert isinstance(study, Study)
+    cells = design(study)
+    found: list[dict[str, str | float]] = []
+    rests = rests_s(study.study, len(cells))
+    for cell, rest_s, trial in zip(cells, rests, study_trials(study, 0.5, ""), strict=True):
+        whose = trial.specimen
+        found.append(
+            {
+                "finger": whose.finger,
+                "site": whose.site,
+                "repeat": cell.repeat,
+                "depth_mm": cell.depth_mm,
+                "rest_s": rest_s,
+            }
+        )
+    return found
 
 
 def _one_case(keeper: Keeper, number: int, seed: int, out: Path, console: Console) -> Diagnosed:
     """Record a case through the rig and have a process diagnose it that is given the trial files alone."""
     folder = out / f"case_{number:03d}"
     folder.mkdir()
-    rig, study = folder / "rig.toml", folder / "study.toml"
+    rig, study = folder / "rig.toml", out / "study.toml"
     rig.write_text(_rig_text(keeper.companion(number)), encoding="utf-8")
-    text = _STUDY.format(depths=list(DEPTHS_MM), repeats=REPEATS, seed=seed + number)
-    study.write_text(text, encoding="utf-8")
-    console.print(f"\n[bold]Case {number}[/bold]: record {TRIALS} trials", highlight=False)
+    console.print(f"\n[bold]Case {number}[/bold]: record", highlight=False)
     started = time.monotonic()
     try:
         trials = run_protocol_file(study, rig=rig, out=folder / "trials")
@@ -145,7 +166,12 @@ def _diagnose(trials: Path, out: Path, seed: int) -> tuple[Mapping[str, Any] | N
 
 
 def _scored(
-    diagnosed: Sequence[Diagnosed], opened: Sequence[Opened], seals: Sequence[str], seed: int, out: Path
+    diagnosed: Sequence[Diagnosed],
+    opened: Sequence[Opened],
+    seals: Sequence[str],
+    seed: int,
+    trials: int,
+    out: Path,
 ) -> Path:
     """Score what was diagnosed against what was opened; write the proof and return its page."""
     cases = [
@@ -159,12 +185,12 @@ def _scored(
             "format": "indenter-proof",
             "format_version": 1,
             "seed": seed,
-            "trials_a_case": TRIALS,
+            "trials_a_case": trials,
             "figures": [asdict(f) for f in found],
             "cases": [case_data(c) for c in cases],
         },
     )
-    return write_page(out, cases, seed=seed, trials=TRIALS)
+    return write_page(out, cases, seed=seed, trials=trials)
 
 
 def _write(path: Path, data: object) -> None:

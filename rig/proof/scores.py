@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -10,10 +9,8 @@ from typing import Any
 from analysis.errors import BadInputError
 
 NO_MISMATCH = "no_mismatch"
-TISSUE = ("k0_mn_per_mm", "k1_mn_per_mm", "tau1_s", "k2_mn_per_mm", "tau2_s")
-COVERED_SIGMA = 1.96
-BIASED = 0.02
-"""Relative bias of the tissue from which on it is counted as biased by an effect."""
+EXPECTED = {"null": ("no_mismatch",), "outside": ("unknown",)}
+"""The right verdicts on a kind of case, where they are others than `named` and `one_of`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,12 +26,12 @@ class Effect:
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """One case as it was sealed; ``tissue`` holds the five constants of the baseline."""
+    """One case as it was sealed; ``tissue``: the baseline's five constants, geometric means over its trials."""
 
     number: int
     kind: str
-    rung: float
     noise: str
+    skin: str
     effects: tuple[Effect, ...]
     tissue: Mapping[str, float]
 
@@ -76,9 +73,8 @@ def read_truth(data: Mapping[str, Any]) -> Truth:
             for e in data["hidden"]
         )
         tissue = {str(k): float(v) for k, v in data["tissue"].items()}
-        return Truth(
-            int(data["number"]), str(data["kind"]), float(data["rung"]), str(data["noise"]), effects, tissue
-        )
+        number, (kind, noise, skin) = int(data["number"]), (str(data[k]) for k in ("kind", "noise", "skin"))
+        return Truth(number, kind, noise, skin, effects, tissue)
     except (KeyError, TypeError, ValueError) as error:
         raise BadInputError(f"sealed truth: not a concealed case ({error}); draw the cases again") from error
 
@@ -148,87 +144,23 @@ def location_overlap(outcome: Outcome) -> float | None:
     return sum(float(m["share_of_mismatch"]) for m in found if m["phase"] in phases) / total
 
 
-@dataclass(frozen=True, slots=True)
-class Recovery:
-    """One parameter of a rightly named mechanism; ``covered``: the truth lies within 1.96 standard errors."""
-
-    mechanism: str
-    parameter: str
-    truth: float
-    value: float
-    se: float
-
-    @property
-    def relative_error(self) -> float:
-        """|value - truth| over |truth|."""
-        return abs(self.value - self.truth) / abs(self.truth) if self.truth else abs(self.value)
-
-    @property
-    def covered(self) -> bool:
-        """Whether the interval holds the truth."""
-        return abs(self.value - self.truth) <= COVERED_SIGMA * self.se
+def wrong_library_name(outcome: Outcome) -> bool:
+    """Whether a mechanism is named whose set holds nothing that is there."""
+    return spurious(outcome) > 0
 
 
-def recoveries(outcome: Outcome) -> list[Recovery]:
-    """Return the parameters of every rightly named mechanism that both truth and report have."""
-    found = []
-    for effect in outcome.truth.effects:
-        for mechanism in outcome.report["mechanisms"]:
-            if mechanism["name"] != effect.name:
-                continue
-            for name, said in mechanism["parameters"].items():
-                if name in effect.parameters and said.get("se") is not None:
-                    value, se = float(said["value"]), float(said["se"])
-                    found.append(Recovery(effect.name, name, effect.parameters[name], value, se))
-    return found
+def is_right(outcome: Outcome) -> bool:
+    """Whether a case came out as it should: the right verdict, all that is there named, and nothing else.
 
-
-def tissue_bias(outcome: Outcome, which: str) -> float:
-    """Return the largest relative error over the tissue's five constants, of ``baseline`` or ``improved``."""
-    said = outcome.report[f"{which}_parameters"]
-    truth = outcome.truth.tissue
-    return max(abs(float(said[name]["value"]) - truth[name]) / truth[name] for name in TISSUE if name in said)
-
-
-def matched_power(strength: float, false_alarm_rate: float) -> float:
-    """Return the chance that a test which knows the effect's shape detects it: Phi(strength - z)."""
-    from scipy.special import ndtr, ndtri
-
-    return float(ndtr(strength - ndtri(1 - false_alarm_rate)))
-
-
-def matched_strength(power: float, false_alarm_rate: float) -> float:
-    """Return the strength at which the matched test reaches a power."""
-    from scipy.special import ndtri
-
-    return float(ndtri(power) + ndtri(1 - false_alarm_rate))
-
-
-def strength_at(power: float, strengths: Sequence[float], detected: Sequence[bool]) -> float | None:
-    """Return the strength at which a detection rate is reached, by a probit over ln(strength).
-
-    None where everything or nothing was detected, so that no curve can be told.
+    What the baseline can absorb (``absorbed``) need not be named, under any verdict.
     """
-    import numpy as np
-    from scipy.optimize import minimize
-    from scipy.special import log_ndtr, ndtri
-
-    x, y = np.log(np.asarray(strengths, dtype=float)), np.asarray(detected, dtype=bool)
-    if y.all() or not y.any():
-        return None
-
-    def cost(p: Any) -> float:
-        z = (x - p[0]) / np.exp(np.clip(p[1], -5, 3))
-        # a weak pull to a width of 0.4, so that separated data do not make the curve a step
-        return float(-log_ndtr(np.where(y, z, -z)).sum() + 0.5 * (p[1] + 0.9) ** 2)
-
-    best = minimize(cost, [float(x.mean()), -0.9], method="Nelder-Mead")
-    return float(np.exp(best.x[0] + np.exp(np.clip(best.x[1], -5, 3)) * ndtri(power)))
-
-
-def decibel(ratio: float) -> float:
-    """Return a ratio of strengths in dB."""
-    return 20 * math.log10(ratio)
+    kind = outcome.truth.kind
+    if wrong_library_name(outcome):
+        return False
+    if kind == "absorbed":
+        return all_within(outcome) or not outcome.named_sets
+    right_verdict = outcome.verdict in EXPECTED.get(kind, ("named", "one_of"))
+    return right_verdict and (kind in EXPECTED or all_named(outcome))
 
 
 def rate(hits: Iterable[bool]) -> tuple[int, int]:

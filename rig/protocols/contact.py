@@ -14,6 +14,10 @@ _TRAIL_SAMPLES = 480
 _LOOSE_AT_LEAST_MM = 0.4
 """Travel above the detected surface before contact can count as lost: the skin clings and bulges."""
 
+_LEFT_SHARE = 0.1
+_LEFT_READS = 2
+"""A finger has left when the mean of so many reads in a row is below that share of the contact's threshold."""
+
 _FLAT_MN = 1.5
 """In the free arm, the mean force of two successive reads differs by less."""
 
@@ -71,6 +75,22 @@ def locate_crossing(position: FloatArray, force: FloatArray, threshold: float) -
     crossed = middle + (threshold - level) / rise if rise > 0 else time[-1]
     crossed = float(np.clip(crossed, time[0], time[-1]))
     return Crossing(crossed, float(place + speed * (crossed - middle)))
+
+
+class LeavingDetector:
+    """Watches a hold: the finger has left when the force is back at that of the free arm for a while.
+
+    Skin that is pressed relaxes to some 60 % of the force of the first touch, never to none of it.
+    """
+
+    def __init__(self, free_mn: float, threshold_mn: float) -> None:
+        self._least_mn = free_mn + _LEFT_SHARE * threshold_mn
+        self._reads = 0
+
+    def feed(self, force_mn: FloatArray) -> bool:
+        """Look at the next samples, (n,); return True once the finger has left."""
+        self._reads = self._reads + 1 if float(np.mean(force_mn)) < self._least_mn else 0
+        return self._reads >= _LEFT_READS
 
 
 class ReleaseDetector:

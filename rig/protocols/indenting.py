@@ -14,6 +14,9 @@ FREE_S = 0.1
 BLOCK_SPEED_MM_S = 0.2
 """Approach to a stiff block, at most: 1 um too deep is 10 to 20 mN."""
 
+SKIN_MARGIN_MN = 12.0
+"""Force above the threshold that an approach to skin never adds: 60 um, twice what the output plays by itself."""
+
 NEAR_MM = 0.05
 """How far short of a surface found before, the next approach to the same block begins."""
 
@@ -46,6 +49,7 @@ def approach(surface: SurfaceDetection, *, speed_mm_s: float | None = None) -> A
         samples_above=surface.samples_above,
         samples_watched=surface.samples_watched,
         samples_per_read=surface.samples_per_read,
+        force_margin_mn=SKIN_MARGIN_MN,
         start_mm=surface.start_mm,
     )
 
@@ -65,7 +69,7 @@ def indentation(
     towards = approach(surface)
     if rigid:
         speed_mm_s = min(surface.approach_speed_mm_s, BLOCK_SPEED_MM_S)
-        towards = replace(towards, speed_mm_s=speed_mm_s, short_of_previous_mm=NEAR_MM)
+        towards = replace(towards, speed_mm_s=speed_mm_s, short_of_previous_mm=NEAR_MM, force_margin_mn=None)
     motions: tuple[Motion, ...] = (
         towards,
         Stay("dwell", motion.dwell_s),

@@ -42,10 +42,11 @@ class Rest:
 
 @dataclass(frozen=True, slots=True)
 class Approach:
-    """Move towards the skin until contact: one finite ramp that ends at the travel limit.
+    """Move towards the skin until contact, at most to the travel limit.
 
-    The threshold counts from the force of the free arm, in millinewtons or, where `threshold_v` is given,
-    in volts of the force signal. Before recording, the arm goes to `start_mm`, or to `short_of_previous_mm`
+    A force of `force_margin_mn` above the threshold, where given, reverses the arm at once. The threshold
+    counts from the force of the free arm, in millinewtons or, where `threshold_v` is given, in volts of the
+    force signal. Before recording, the arm goes to `start_mm`, or to `short_of_previous_mm`
     short of the contact found last in this run.
     """
 
@@ -55,6 +56,7 @@ class Approach:
     samples_watched: int
     samples_per_read: int
     threshold_v: float | None = None
+    force_margin_mn: float | None = None
     start_mm: float | None = None
     short_of_previous_mm: float | None = None
 
@@ -111,6 +113,13 @@ class PlannedTrial:
     def expected_s(self) -> float:
         """Time this trial is expected to take, s, its preparations and rest included."""
         return sum(expected_duration_s(step) for step in (*self.preparations, *self.motions)) + OVERHEAD_S
+
+    def longest_s(self, travel_mm: float) -> float:
+        """Time that is recorded at most, s, where an approach goes over the whole travel."""
+        return sum(
+            travel_mm / motion.speed_mm_s if isinstance(motion, Approach) else expected_duration_s(motion)
+            for motion in self.motions
+        )
 
 
 OVERHEAD_S = 1.0

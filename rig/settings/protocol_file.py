@@ -79,7 +79,9 @@ class _WithoutMotion(Settings):
         return {}
 
 
-class _WithSurface(_WithoutMotion):
+class WithSurface(_WithoutMotion):
+    """A protocol that finds a surface."""
+
     surface: SurfaceDetection = SurfaceDetection()
 
     def speeds_mm_s(self) -> dict[str, float]:
@@ -92,7 +94,7 @@ class _WithSurface(_WithoutMotion):
         return {} if start_mm is None else {"surface.start_mm": start_mm}
 
 
-class TrialProtocol(_WithSurface):
+class TrialProtocol(WithSurface):
     """One indentation, into skin (`ramp_hold_retract`) or a stiff block (`rigid_target`)."""
 
     kind: Literal["ramp_hold_retract", "rigid_target"]
@@ -108,7 +110,7 @@ class TrialProtocol(_WithSurface):
         return (self.indentation.depth_mm,)
 
 
-class SurfaceOnly(_WithSurface):
+class SurfaceOnly(WithSurface):
     """Find the skin and leave it again."""
 
     kind: Literal["surface_detection"]
@@ -147,7 +149,7 @@ class BlockDetection(SurfaceDetection):
     approach_speed_mm_s: Speed = 0.2
 
 
-class PositionCalibration(_WithSurface):
+class PositionCalibration(WithSurface):
     """A block on the Z stage is moved in steps; at each the surface is found with one threshold in volts."""
 
     kind: Literal["position_calibration"]
@@ -239,7 +241,7 @@ class StudyPlan(Settings):
         return self
 
 
-class Study(_WithSurface):
+class Study(WithSurface):
     """A whole study."""
 
     kind: Literal["study"]
@@ -262,8 +264,9 @@ class Study(_WithSurface):
         }
 
     def depths_mm(self) -> Sequence[float]:
-        """Every depth of the study, mm."""
-        return self.study.depths_mm
+        """Every depth of the study, mm, those of the stiff block included."""
+        block = self.study.rigid_target_depths_mm if self.study.rigid_target else ()
+        return (*self.study.depths_mm, *block)
 
 
 Protocol = Annotated[

@@ -13,7 +13,7 @@ from pydantic_core import ErrorDetails
 
 from analysis.errors import BadInputError
 from rig.settings import protocol_file, rig_file
-from rig.settings.protocol_file import Protocol, Study, TrialProtocol
+from rig.settings.protocol_file import Protocol, Study, TrialProtocol, WithSurface
 from rig.settings.rig_file import RigFile
 
 __all__ = [
@@ -79,6 +79,19 @@ def check_protocol_on_rig(protocol: Protocol, rig: RigFile, origin: str) -> None
                 f"{origin}: {key} = {speed_mm_s:g}: faster than this rig's lever.speed_max_mm_s = "
                 f"{lever.speed_max_mm_s:g}; lower it"
             )
+    if isinstance(protocol, WithSurface):
+        speed_mm_s = protocol.surface.approach_speed_mm_s
+        if speed_mm_s > lever.approach_speed_max_mm_s:
+            raise BadInputError(
+                f"{origin}: surface.approach_speed_mm_s = {speed_mm_s:g}: faster than this rig's "
+                f"lever.approach_speed_max_mm_s = {lever.approach_speed_max_mm_s:g}; lower it"
+            )
+        threshold_mn = protocol.surface.contact_threshold_mn
+        if threshold_mn >= lever.force_max_mn:
+            raise BadInputError(
+                f"{origin}: surface.contact_threshold_mn = {threshold_mn:g}: not below this rig's "
+                f"lever.force_max_mn = {lever.force_max_mn:g}; lower it"
+            )
     if isinstance(protocol, TrialProtocol | Study):
         for depth_mm in protocol.depths_mm():
             if depth_mm > travel_mm:
@@ -86,12 +99,11 @@ def check_protocol_on_rig(protocol: Protocol, rig: RigFile, origin: str) -> None
                     f"{origin}: depth_mm = {depth_mm:g}: beyond this rig's travel of "
                     f"{travel_mm:g} mm; lower it"
                 )
-        threshold_mn = protocol.surface.contact_threshold_mn
-        if threshold_mn >= lever.force_max_mn:
-            raise BadInputError(
-                f"{origin}: surface.contact_threshold_mn = {threshold_mn:g}: not below this rig's "
-                f"lever.force_max_mn = {lever.force_max_mn:g}; lower it"
-            )
+            if depth_mm > lever.depth_max_mm:
+                raise BadInputError(
+                    f"{origin}: depth_mm = {depth_mm:g}: deeper than this rig's lever.depth_max_mm = "
+                    f"{lever.depth_max_mm:g}; lower it"
+                )
     for key, position_mm in protocol.positions_mm().items():
         if not lever.travel_min_mm <= position_mm <= lever.travel_max_mm:
             raise BadInputError(

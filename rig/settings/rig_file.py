@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from analysis.recordings.trial import Calibration
+from rig.settings.constants import constants_problem
 
 
 def _not_zero(value: float) -> float:
@@ -69,7 +70,13 @@ class LeverSettings(Settings):
     travel_min_mm: Annotated[float, Field(ge=0, le=LEVER_TRAVEL_MM)] = 0.0
     travel_max_mm: Annotated[float, Field(gt=0, le=LEVER_TRAVEL_MM)] = 9.5
     speed_max_mm_s: Annotated[float, Field(gt=0, le=1000)] = 100.0
+    approach_speed_max_mm_s: Annotated[float, Field(gt=0, le=10)] = 2.0
+    depth_max_mm: Annotated[float, Field(gt=0, le=LEVER_TRAVEL_MM)] = 1.5
+    overshoot_max_um: Annotated[float, Field(gt=0, le=1000)] = 60.0
     force_max_mn: Annotated[float, Field(gt=0, le=500)] = 400.0
+    force_noise_min_mn: NotNegative = 0.05
+    nominal_volts_per_mm: NotZero = 2.042
+    nominal_volts_per_mn: NotZero = 0.015
     following_error_max_mm: Positive = 1.0
     safe_position_mm: Annotated[float, Field(ge=0, le=LEVER_TRAVEL_MM)] = 0.5
     retreat_speed_mm_s: Positive = 40.0
@@ -152,7 +159,7 @@ class GuardSettings(Settings):
     """The process that moves the arm away when the program dies."""
 
     enabled: bool = True
-    heartbeat_timeout_s: Annotated[float, Field(ge=0.5, le=60)] = 3.0
+    heartbeat_timeout_s: Annotated[float, Field(ge=0.5, le=60)] = 0.8
     log_file: str | None = None
 
 
@@ -180,6 +187,13 @@ class RigFile(Settings):
                         f"{key} = {address!r} but there is no [companion] table; "
                         "add its command, or a real address"
                     )
+        return self
+
+    @model_validator(mode="after")
+    def _constants_are_the_levers(self) -> RigFile:
+        problem = constants_problem(self.calibration.nominal(), self.lever)
+        if problem is not None:
+            raise ValueError(f"calibration.{problem}; mend it, or state another lever's constants there")
         return self
 
     @model_validator(mode="after")

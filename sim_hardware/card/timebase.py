@@ -19,6 +19,7 @@ from sim_hardware.card.clock import RealClock, SampleClock, VirtualClock
 from sim_hardware.card.errors import Code
 from sim_hardware.card.plant import SAMPLE_RATE_HZ, FloatArray, Plant
 from sim_hardware.card.task import CardTask
+from sim_hardware.card.wires import Wire
 from sim_hardware.world.converters import Converter
 
 LARGEST_BLOCK = 8192
@@ -53,6 +54,8 @@ class Timebase:
         self.output_v = np.zeros(N_CHANNELS["ao"])
         self.output_v[0] = converter.convert(np.array(initial_command_v))
         self._loopback_wired = loopback_wired
+        self.wires: dict[int, Wire] = {}
+        """Faulty wires, by the number of the input."""
         self._noise = np.random.default_rng((seed, 0xA12))
         self._latest = (np.zeros(1), np.zeros(1), np.zeros(1))
         self._orders: list[tuple[float, int, Callable[[], None]]] = []
@@ -174,7 +177,8 @@ class Timebase:
     def _hear(self, index: int, wires: Wires) -> FloatArray:
         """What an input reads; the outputs' voltages are on the converters' grid already."""
         if index < 2 or (index == 2 and self._loopback_wired):
-            return wires[index]
+            wire = self.wires.get(index)
+            return wires[index] if wire is None else self.converter.convert(wire.read(wires[index]))
         return self.converter.convert(self._noise.normal(0.0, OPEN_INPUT_NOISE_V, len(wires[0])))
 
     def _fail(self, task: CardTask, code: int) -> None:

@@ -1,36 +1,56 @@
-"""Concealed cases: which effects a bench hides, how strong, and with what noise; drawn from a seed."""
+"""Concealed cases: which effects a bench hides, how large, on what skin and with what noise; drawn from a seed."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Literal
 
 import numpy as np
 
-from sim_hardware.concealment.knobs import ABSORBED, LIBRARY, OUTSIDE
+from sim_hardware.concealment.knobs import ABSORBED, KNOBS, LIBRARY, OUTSIDE, SAME_AS_A_LAW, TAKEN_UP
 from sim_hardware.concealment.plans import TrialPlan, study_plans
-from sim_hardware.concealment.strength import strength
+from sim_hardware.concealment.sizes import BENCH_SIZES, SIZES
+from sim_hardware.concealment.strength import peak_mn, strength, tissue_of
 from sim_hardware.effects import EFFECTS
-from sim_hardware.settings import BenchSettings, ConstantsSettings, EffectSettings, NoiseSettings
-from sim_hardware.world.specimens import finger
+from sim_hardware.settings import (
+    BenchSettings,
+    ConstantsSettings,
+    ConverterSettings,
+    EffectSettings,
+    NoiseSettings,
+    SpecimenSettings,
+)
 
-Kind = Literal["null", "single", "pair", "outside", "absorbed"]
-Noise = Literal["white", "correlated", "wandering", "gain_jitter"]
+Kind = Literal["null", "single", "pair", "triple", "outside", "absorbed"]
+Noise = Literal["white", "correlated", "wandering", "one_over_f", "heavy_tails", "stepwise"]
+Skin = Literal["published", "living", "shared"]
 
-RUNGS = (3.0, 5.0, 8.0, 12.0, 20.0, 50.0, 100.0, 300.0, 1000.0)
 NOISES: Mapping[Noise, NoiseSettings] = {
-    "white": NoiseSettings(),
-    "correlated": NoiseSettings(correlated_share=0.3, correlation_ms=3.0),
-    "wandering": NoiseSettings(wander_mn_rms=0.15, wander_time_s=4.0),
-    "gain_jitter": NoiseSettings(gain_jitter=0.01),
+    "white": NoiseSettings(force_mn_rms=0.25),
+    "correlated": NoiseSettings(force_mn_rms=0.28, correlated_share=0.5, correlation_ms=15.0),
+    "wandering": NoiseSettings(force_mn_rms=0.2, wander_mn_rms=0.15, wander_time_s=4.0),
+    "one_over_f": NoiseSettings(force_mn_rms=0.2, one_over_f_mn_rms=0.2),
+    "heavy_tails": NoiseSettings(force_mn_rms=0.2, tail_degrees_of_freedom=5.0),
+    "stepwise": NoiseSettings(force_mn_rms=0.2, correlated_share=0.2, correlation_ms=10.0),
 }
+"""The last is that of a bench whose output is held from sample to sample."""
+
+SKINS: Mapping[Skin, tuple[SpecimenSettings, float]] = {
+    "published": (SpecimenSettings(), 0.0),
+    "living": (SpecimenSettings(finger_variation=0.10, site_variation=0.10), 0.10),
+    "shared": (SpecimenSettings(finger_variation=0.0, site_variation=0.0), 0.02),
+}
+"""What lies under the punch, and the relative standard deviation of the sensor's gain from trial to trial."""
+
 KINDS: tuple[Kind, ...] = ("null", "single", "pair", "outside", "single", "absorbed", "null", "single")
-_CLOSE = 0.05
-_STEPS = 10
-_NONE = 1e-3
-_SAME_SHAPE = {"third_relaxation", "poroelastic_drainage"}
+TISSUE = ("k0_mn_per_mm", "k1_mn_per_mm", "tau1_s", "k2_mn_per_mm", "tau2_s")
+"""The five constants as a diagnosis names them, tau1 the longer time."""
+_NOT_TOGETHER = (
+    {"third_relaxation", "poroelastic_drainage", "power_law_relaxation"},  # one shape in one study
+    {"parallel_dashpot", "force_lag", "viscous_friction", "coulomb_friction"},  # inseparable at one speed
+    {"stiffening", "lever_arc", "edge_contact"},
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,140 +66,103 @@ class Hidden:
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """A bench and what it conceals; ``rung`` is the strength that was asked for (0: none)."""
+    """A bench and what it conceals; ``tissue``: its five constants, geometric means over the study's trials."""
 
     number: int
     kind: Kind
-    rung: float
     noise: Noise
+    skin: Skin
     settings: BenchSettings
     hidden: tuple[Hidden, ...]
+    tissue: Mapping[str, float]
 
     def truth(self) -> dict[str, object]:
         """Return what is sealed, as plain data."""
-        return {
-            "number": self.number,
-            "kind": self.kind,
-            "rung": self.rung,
-            "noise": self.noise,
-            "tissue": true_tissue(self.settings),
-            "hidden": [asdict(h) for h in self.hidden],
-            "settings": self.settings.model_dump(mode="json"),
-        }
+        return {**asdict(self), "settings": self.settings.model_dump(mode="json")}
 
 
-def true_tissue(settings: BenchSettings, name: str = "index") -> dict[str, float]:
-    """Return the five constants of a finger of this bench, named as a diagnosis names them."""
-    parts = finger(settings, name, "1", 1).parts
-    slow, fast = sorted(parts.arms, key=lambda arm: -arm.time_s)
-    return {
-        "k0_mn_per_mm": parts.k0_mn_per_mm,
-        "k1_mn_per_mm": slow.stiffness_mn_per_mm,
-        "tau1_s": slow.time_s,
-        "k2_mn_per_mm": fast.stiffness_mn_per_mm,
-        "tau2_s": fast.time_s,
-    }
-
-
-def draw_cases(n: int, seed: int, kinds: Sequence[Kind] = KINDS) -> list[Case]:
-    """Draw cases of all kinds in turn, the strengths of single effects up the ladder."""
+def draw_cases(
+    n: int, seed: int, plans: Sequence[TrialPlan], *, kinds: Sequence[Kind] = KINDS, skin: Skin = "published"
+) -> list[Case]:
+    """Draw cases of all kinds in turn."""
     random = np.random.default_rng([seed, 11])
-    names = list(LIBRARY)
+    names, outside = list(LIBRARY), outsiders(skin)
     random.shuffle(names)
+    random.shuffle(outside)
     cases = []
-    single = 0
+    singles = strangers = 0
     for i in range(n):
         kind = kinds[i % len(kinds)]
-        rung = 0.0
         chosen: tuple[str, ...] = ()
         if kind == "single":
-            chosen, rung = (names[single % len(names)],), RUNGS[(4 * single + 2) % len(RUNGS)]
-            single += 1
-        elif kind == "pair":
-            chosen, rung = draw_pair(random), float(random.choice(RUNGS[4:8]))
+            chosen, singles = (names[singles % len(names)],), singles + 1
+        elif kind in ("pair", "triple"):
+            chosen = draw_together(random, 2 if kind == "pair" else 3, names)
         elif kind == "outside":
-            chosen, rung = (str(random.choice(list(OUTSIDE))),), float(random.choice(RUNGS[4:8]))
+            chosen, strangers = (outside[strangers % len(outside)],), strangers + 1
         elif kind == "absorbed":
             chosen = (str(random.choice(list(ABSORBED))),)
-        noise: Noise = list(NOISES)[int(random.integers(len(NOISES)))] if kind == "null" else "white"
-        cases.append(draw_case(i, kind, chosen, rung, noise, seed=int(random.integers(2**31))))
+        noise: Noise = list(NOISES)[int(random.integers(len(NOISES)))]
+        drawn = int(random.integers(2**31))
+        cases.append(draw_case(i, kind, chosen, noise, skin, seed=drawn, plans=plans))
     return cases
 
 
-def draw_pair(random: np.random.Generator) -> tuple[str, str]:
-    """Draw two mechanisms of the library that one experiment can tell from each other."""
-    names = list(LIBRARY)
+def outsiders(skin: Skin) -> list[str]:
+    """Return the effects of which `unknown` is the right thing to say on a skin."""
+    taken_up = () if skin == "shared" else TAKEN_UP
+    return [name for name in OUTSIDE if name not in SAME_AS_A_LAW and name not in taken_up]
+
+
+def draw_together(
+    random: np.random.Generator, n: int, names: Sequence[str] = tuple(BENCH_SIZES)
+) -> tuple[str, ...]:
+    """Draw mechanisms that one experiment can tell from each other."""
     while True:
-        first, second = random.choice(len(names), 2, replace=False)
-        pair = names[first], names[second]
-        if set(pair) != _SAME_SHAPE:
-            return pair
+        chosen = {str(name) for name in random.choice(list(names), n, replace=False)}
+        if all(len(chosen & alike) < 2 for alike in _NOT_TOGETHER):
+            return tuple(sorted(chosen))
 
 
 def draw_case(
     number: int,
     kind: Kind,
     names: Sequence[str],
-    rung: float,
     noise: Noise = "white",
+    skin: Skin = "living",
     *,
     seed: int,
     plans: Sequence[TrialPlan] = (),
 ) -> Case:
-    """Draw one case: its bench, the named effects, each by itself of strength ``rung`` (0: as it usually is).
+    """Draw one case: its bench, and the named effects, each of a size that benches have.
 
-    Strength is that over ``plans``, the study that will be recorded (empty: the published one), since some effects
-    live in few of its trials. It comes within 5 % of the rung where an effect's range allows it; what was reached
-    is kept.
+    ``plans`` is the study that will be recorded (empty: the published one): over it strengths are told, and a
+    saturation lies below its largest force.
     """
     random = np.random.default_rng([seed, 12])
     study = tuple(plans) or tuple(study_plans())
+    specimens, gain_jitter = SKINS[skin]
     # as after a perfect calibration: what is left of the tissue's bias is the diagnosis's own
-    known = ConstantsSettings(spread=0.0, zero_spread_v=0.0)
-    bench = BenchSettings(seed=seed, time="virtual", noise=NOISES[noise], constants=known)
+    bench = BenchSettings(
+        seed=seed,
+        time="virtual",
+        specimens=specimens,
+        noise=NOISES[noise].model_copy(update={"gain_jitter": gain_jitter}),
+        converters=ConverterSettings(stepwise_output=noise == "stepwise"),
+        constants=ConstantsSettings(spread=0.0, zero_spread_v=0.0),
+    )
+    peak = peak_mn(bench, study)
     hidden, effects = [], []
     for name in names:
-        effect, reached = _of_strength(bench, name, rung, random, study)
+        knob, size = KNOBS[name], float(random.uniform(*SIZES[name]))
+        drawn, rough = knob.draw(random), float(random.uniform(0.5, 1.0))
+        given = knob.values(peak - size if knob.below_peak else size, drawn)
+        effect = EffectSettings.model_validate({"name": name, **given, "rough": rough})
         effects.append(effect)
         kind_of = EFFECTS[name]
-        given = {k: float(str(v)) for k, v in effect.given.items()}
-        hidden.append(Hidden(name, kind_of.in_library, given, kind_of.phases, reached))
+        told = {k: float(str(v)) for k, v in effect.given.items()}
+        reached = strength(bench, (effect,), study)
+        hidden.append(Hidden(name, kind_of.in_library, told, kind_of.phases, reached))
     settings = bench.model_copy(update={"effects": tuple(effects)})
-    return Case(number, kind, rung, noise, settings, tuple(hidden))
-
-
-def _of_strength(
-    bench: BenchSettings, name: str, rung: float, random: np.random.Generator, plans: tuple[TrialPlan, ...]
-) -> tuple[EffectSettings, float]:
-    """Return an effect whose strength is near the rung, and its strength: secants on logarithms."""
-    knob = {**LIBRARY, **ABSORBED, **OUTSIDE}[name]
-    drawn, rough = knob.draw(random), float(random.uniform(0.5, 1.0))
-
-    def effect(size: float) -> EffectSettings:
-        return EffectSettings.model_validate({"name": name, **knob.values(size, drawn), "rough": rough})
-
-    def kept(size: float) -> float:
-        return min(max(size, knob.low), knob.high)
-
-    size = knob.start
-    reached = strength(bench, (effect(size),), plans)
-    if rung == 0:
-        return effect(size), reached
-    slope = 1.0
-    below, above = knob.low, knob.high
-    best = (abs(math.log(max(reached, _NONE) / rung)), size, reached)
-    for _ in range(_STEPS):
-        if best[0] < _CLOSE:
-            break
-        below, above = (max(size, below), above) if reached < rung else (below, min(size, above))
-        following = size * math.exp(math.log(rung / max(reached, _NONE)) / slope)
-        if not below < following < above:
-            following = math.sqrt(below * above) if knob.low < below or above < knob.high else kept(following)
-        if math.isclose(following, size, rel_tol=1e-6):
-            break
-        now = strength(bench, (effect(following),), plans)
-        if min(now, reached) > _NONE:
-            slope = min(max(math.log(now / reached) / math.log(following / size), 0.3), 6.0)
-        size, reached = following, now
-        best = min(best, (abs(math.log(max(reached, _NONE) / rung)), size, reached))
-    return effect(best[1]), best[2]
+    tissue = dict(zip(TISSUE, tissue_of(bench, study), strict=True))
+    return Case(number, kind, noise, skin, settings, tuple(hidden), tissue)

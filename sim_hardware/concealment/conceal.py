@@ -1,10 +1,11 @@
 """Keeps what concealed benches hide until it is asked to open: `python -m sim_hardware.concealment.conceal`.
 
-`keep --cases N --seed S` draws cases and prints a JSON line a case, `{"case": 0, "seal": "..."}`, then
-`{"address": "http://127.0.0.1:PORT"}`. From then on it holds the truth in its own memory alone, hands the
-settings of each case out once, to the bench that is to hide them, and lives until its stdin closes. The line
-`open` on stdin makes it hand out nothing more, print `{"case": 0, "salt": "...", "truth": "..."}` for every
-case, and end.
+`keep --cases N --seed S` reads the study that will be recorded as a JSON line from stdin, a list of
+`{"finger": "index", "site": "1", "repeat": 1, "depth_mm": 0.4, "rest_s": 150.0}`, draws cases, and prints a
+JSON line a case, `{"case": 0, "seal": "..."}`, then `{"address": "http://127.0.0.1:PORT"}`. From then on it
+holds the truth in its own memory alone, hands the settings of each case out once, to the bench that is to hide
+them, and lives until its stdin closes. The line `open` on stdin makes it hand out nothing more, print
+`{"case": 0, "salt": "...", "truth": "..."}` for every case, and end.
 
 `bench ADDRESS NUMBER` is the companion of a rig: a simulated bench that gets its settings from the keeper.
 """
@@ -48,10 +49,12 @@ class Keeper:
 def keep(cases: int, seed: int) -> int:
     """Draw, seal, hand out, and open when asked to."""
     from sim_hardware.concealment.cases import draw_cases
+    from sim_hardware.concealment.plans import TrialPlan
     from sim_hardware.concealment.sealing import seal
 
+    plans = [TrialPlan(**plan) for plan in json.loads(sys.stdin.readline())]
     sealed, settings = [], []
-    for case in draw_cases(cases, seed):
+    for case in draw_cases(cases, seed, plans):
         sealed.append(seal(case.truth()))
         settings.append(case.settings.model_dump_json())
         _say({"case": case.number, "seal": sealed[-1].seal})

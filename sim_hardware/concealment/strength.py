@@ -2,7 +2,8 @@
 
 A bench with the effect and one without it play the same study, both without noise. What differs in the force
 given the recorded position, and in the position given the command, is made orthogonal to what a fit of the
-baseline is free to choose: k0, k1, tau1, k2, tau2 of all trials, contact point and offset of each.
+baseline is free to choose: contact point and offset of each trial, and k0, k1, tau1, k2, tau2, of each trial
+where sites differ or the gain does, else of all trials together.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from sim_hardware.filters import LowPass
 from sim_hardware.parts import SAMPLE_RATE_HZ, FloatArray
 from sim_hardware.settings import BenchSettings, ConverterSettings, EffectSettings, NoiseSettings
 from sim_hardware.world import World
+from sim_hardware.world.specimens import site_scatter
 
 _PARK_MM = 1.0
 _STEP = 1e-4
@@ -54,23 +56,43 @@ def strength(settings: BenchSettings, effects: Sequence[EffectSettings], plans: 
     with_them = record_quietly(quiet_bench(settings, tuple(effects), converting), study)
     force_mn = settings.noise.force_mn_rms or _FORCE_NOISE_MN
     position_mm = settings.noise.position_um_rms * 1e-3 or _POSITION_NOISE_MM
+    one_tissue = settings.noise.gain_jitter == 0 and not any(site_scatter(settings.specimens).values())
     gram = np.zeros((5, 5))
     projected = np.zeros(5)
     force_power = position_power = 0.0
     for a, b in zip(without, with_them, strict=True):
         left, shared = _force_given_position(a, b)
-        gram += shared.T @ shared
-        projected += shared.T @ left
+        if one_tissue:
+            gram += shared.T @ shared
+            projected += shared.T @ left
+        else:
+            left = _without(shared, left)
         force_power += float(left @ left)
         command = np.column_stack([np.ones_like(a.command_mm), a.command_mm])
         moved = _without(command, b.position_mm - a.position_mm)
         position_power += float(moved @ moved)
-    scale = np.sqrt(np.diag(gram))
-    solved = np.linalg.lstsq(gram / np.outer(scale, scale), projected / scale, rcond=1e-9)[0]
-    force_power -= float(projected / scale @ solved)
+    if one_tissue:
+        scale = np.sqrt(np.diag(gram))
+        solved = np.linalg.lstsq(gram / np.outer(scale, scale), projected / scale, rcond=1e-9)[0]
+        force_power -= float(projected / scale @ solved)
     by_force = np.sqrt(max(force_power, 0.0)) / force_mn
     by_position = np.sqrt(position_power) / position_mm
     return float(max(by_force, by_position))
+
+
+def explained(
+    settings: BenchSettings, effect: EffectSettings, law: EffectSettings, plans: Sequence[TrialPlan]
+) -> float:
+    """Return the share of an effect's power that a law of another size would explain, tissue free in each trial."""
+    study = tuple(plans)
+    without = _recorded(quiet_bench(settings, (), False), study)
+    own = of_both = of_law = 0.0
+    benches = [record_quietly(quiet_bench(settings, (e,), False), study) for e in (effect, law)]
+    for a, *with_them in zip(without, *benches, strict=True):
+        left, other = (_without(shared, r) for r, shared in (_force_given_position(a, b) for b in with_them))
+        own, of_law = own + float(left @ left), of_law + float(other @ other)
+        of_both += float(left @ other)
+    return float(of_both**2 / (own * of_law))
 
 
 def _force_given_position(a: Quiet, b: Quiet) -> tuple[FloatArray, FloatArray]:
@@ -107,13 +129,17 @@ def _baseline(trial: Quiet, shift_mm: float, tissue: tuple[float, ...]) -> Float
 def quiet_bench(
     settings: BenchSettings, effects: tuple[EffectSettings, ...], converting: bool
 ) -> BenchSettings:
-    """Return the bench without noise."""
+    """Return the bench without noise, but for the gain that differs from trial to trial."""
     bits = settings.converters.bits if converting else 0
     return settings.model_copy(
         update={
             "effects": effects,
-            "noise": NoiseSettings(force_mn_rms=0.0, position_um_rms=0.0),
-            "converters": ConverterSettings(bits=bits, offset_mv_rms=0.0),
+            "noise": NoiseSettings(
+                force_mn_rms=0.0, position_um_rms=0.0, gain_jitter=settings.noise.gain_jitter
+            ),
+            "converters": ConverterSettings(
+                bits=bits, offset_mv_rms=0.0, stepwise_output=settings.converters.stepwise_output
+            ),
         }
     )
 
@@ -135,7 +161,8 @@ def record_quietly(settings: BenchSettings, plans: tuple[TrialPlan, ...]) -> tup
         surface_mm = world.specimen.surface_mm
         parts = world.specimen.parts
         (k1, tau1), (k2, tau2) = ((arm.stiffness_mn_per_mm, arm.time_s) for arm in parts.arms)
-        tissue = (parts.k0_mn_per_mm, k1, tau1, k2, tau2)
+        gain = world.noise.gain
+        tissue = (gain * parts.k0_mn_per_mm, gain * k1, tau1, gain * k2, tau2)
         speed = plan.approach_speed_mm_s
         crossing_mm = surface_mm + _indented_at_mm(plan.contact_threshold_mn, speed, tissue)
         start_mm, touch_mm = surface_mm - plan.short_mm, crossing_mm + speed * float(np.mean(plan.latency_s))
@@ -166,6 +193,17 @@ def record_quietly(settings: BenchSettings, plans: tuple[TrialPlan, ...]) -> tup
             )
         )
     return tuple(found)
+
+
+def peak_mn(settings: BenchSettings, plans: Sequence[TrialPlan]) -> float:
+    """Return the largest force of a study without effects and noise."""
+    return max(float(q.force_mn.max()) for q in _recorded(quiet_bench(settings, (), False), tuple(plans)))
+
+
+def tissue_of(settings: BenchSettings, plans: Sequence[TrialPlan]) -> tuple[float, ...]:
+    """Return k0, k1, tau1, k2, tau2 as the sensor shows them, geometric means over a study's trials."""
+    quiet = _recorded(quiet_bench(settings, (), False), tuple(plans))
+    return tuple(float(v) for v in np.exp(np.mean(np.log([q.tissue for q in quiet]), axis=0)))
 
 
 def _indented_at_mm(force_mn: float, speed_mm_s: float, tissue: tuple[float, ...]) -> float:

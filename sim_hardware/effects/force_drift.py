@@ -7,7 +7,6 @@ import numpy as np
 from sim_hardware.effects.base import ALWAYS, Effect, Parameter
 from sim_hardware.parts import Block, FloatArray
 
-_CURVE_S = 40.0
 _USUAL_S = 10.0
 
 
@@ -15,7 +14,7 @@ class ForceDrift(Effect):
     """F gains a slow drift from the start of the trial, contact or not.
 
     Shows in every phase, most in the later ones; the zero is taken anew before each trial. Rough: the drift
-    curves, with a time of 40 s (its mean over 10 s is the declared rate), and its rate differs by 10 %
+    curves, with the time ``bend_s`` (its mean over 10 s is the declared rate), and its rate differs by 10 %
     from trial to trial.
     """
 
@@ -23,7 +22,10 @@ class ForceDrift(Effect):
     stage = "sensor"
     in_library = True
     phases = ALWAYS
-    parameters = (Parameter("rate_mn_per_s", "mN/s", 0.2, -50.0, 50.0, "mean rate of the drift over 10 s"),)
+    parameters = (
+        Parameter("rate_mn_per_s", "mN/s", 0.2, -50.0, 50.0, "mean rate of the drift over 10 s"),
+        Parameter("bend_s", "s", 40.0, 2.0, 1e4, "time in which the drift bends"),
+    )
     order = 20
     share: float = 1.0
 
@@ -37,6 +39,6 @@ class ForceDrift(Effect):
 
     def sense(self, block: Block, force_mn: FloatArray) -> FloatArray:
         """Add the drift."""
-        t = np.maximum(block.trial_time_s, 0.0)
-        curved = np.asarray(np.expm1(-t / _CURVE_S) * (_USUAL_S / np.expm1(-_USUAL_S / _CURVE_S)))
+        t, bend_s = np.maximum(block.trial_time_s, 0.0), self["bend_s"]
+        curved = np.asarray(np.expm1(-t / bend_s) * (_USUAL_S / np.expm1(-_USUAL_S / bend_s)))
         return force_mn + self["rate_mn_per_s"] * self.share * (t + self.rough * (curved - t))

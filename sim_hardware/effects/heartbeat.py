@@ -23,6 +23,7 @@ class Heartbeat(Effect):
     parameters = (
         Parameter("amplitude_um", "um", 5.0, 0.0, 500.0, "amplitude of the fundamental"),
         Parameter("frequency_hz", "Hz", 1.3, 0.5, 6.0, "mean rate"),
+        Parameter("wander", "1", 1.0, 0.0, 5.0, "how much rate and size wander, over what is usual"),
     )
 
     def begin_trial(self, trial: int) -> None:
@@ -34,10 +35,10 @@ class Heartbeat(Effect):
 
     def surface_mm(self, block: Block) -> FloatArray:
         """Return the pulse."""
-        t, f = block.time_s, self["frequency_hz"]
-        turn = 2 * np.pi * f * (t + 0.02 * self.rough * self.rate.integral(t)) + self.phase
+        t, f, wander = block.time_s, self["frequency_hz"], self.rough * self["wander"]
+        turn = 2 * np.pi * f * (t + 0.02 * wander * self.rate.integral(t)) + self.phase
         pulse = np.sin(turn)
         if self.rough:
             pulse += self.rough * (0.35 * np.sin(2 * turn + 1.0) + 0.15 * np.sin(3 * turn + 2.0))
-            pulse *= 1 + 0.1 * self.rough * self.size(t)
+            pulse *= 1 + 0.1 * wander * self.size(t)
         return self["amplitude_um"] * 1e-3 * pulse

@@ -23,6 +23,7 @@ class Respiration(Effect):
     parameters = (
         Parameter("amplitude_um", "um", 15.0, 0.0, 2000.0, "amplitude of the fundamental"),
         Parameter("frequency_hz", "Hz", 0.3, 0.05, 1.5, "mean rate"),
+        Parameter("wander", "1", 1.0, 0.0, 5.0, "how much rate and size wander, over what is usual"),
     )
 
     def begin_trial(self, trial: int) -> None:
@@ -34,10 +35,10 @@ class Respiration(Effect):
 
     def surface_mm(self, block: Block) -> FloatArray:
         """Return the breath."""
-        t, f = block.time_s, self["frequency_hz"]
-        turn = 2 * np.pi * f * (t + 0.03 * self.rough * self.rate.integral(t)) + self.phase
+        t, f, wander = block.time_s, self["frequency_hz"], self.rough * self["wander"]
+        turn = 2 * np.pi * f * (t + 0.03 * wander * self.rate.integral(t)) + self.phase
         breath = np.sin(turn)
         if self.rough:
             breath += 0.15 * self.rough * np.sin(2 * turn + 0.7)
-            breath *= 1 + 0.12 * self.rough * self.size(t)
+            breath *= 1 + 0.12 * wander * self.size(t)
         return self["amplitude_um"] * 1e-3 * breath

@@ -12,9 +12,11 @@ import numpy as np
 
 from sim_hardware.card import Card
 from sim_hardware.card.plant import Plant
+from sim_hardware.card.wires import INPUT_OF_LINE, Wire
 from sim_hardware.instruments.balance import Balance
 
 BAD_REQUEST = 2
+LONGEST_CALL_BYTES = 65536
 
 
 class Bench(Plant, Protocol):
@@ -28,6 +30,9 @@ class Bench(Plant, Protocol):
 
     def truth(self) -> Any:
         """The true constants drawn for this bench."""
+
+    def largest_force_mn(self) -> float:
+        """The largest force on the punch since the last call, mN."""
 
 
 def plain(value: Any) -> Any:
@@ -45,9 +50,9 @@ def plain(value: Any) -> Any:
     return value
 
 
-def _number(details: Mapping[str, Any], name: str, *, least: float) -> float:
+def _number(details: Mapping[str, Any], name: str, *, least: float, default: float | None = None) -> float:
     """A number of a request; ValueError that names it where it is missing, no number or too small."""
-    value = details.get(name)
+    value = details.get(name, default)
     if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value < 1e9:
         raise ValueError(f"{name} = {value!r}: a number from {least:g} is needed")
     return float(value)
@@ -90,16 +95,22 @@ class Control:
             return plain(self._bench.truth())
 
     def fault(self, kind: str, details: dict[str, Any]) -> str:
-        """Order a fault now: `unplug`, `replug`, `stall`, `coerce_rate`, `late_start`."""
+        """Order a fault now: `unplug`, `replug`, `stall`, `coerce_rate`, `late_start`, `wire`, `mend`."""
         order_fault(self._card, kind, details)()
         return f"{kind} done"
+
+    def largest_force(self) -> Any:
+        """The largest true force on the punch since this was asked last, mN, with no sensor between."""
+        with self._card.at_now():
+            return plain(self._bench.largest_force_mn())
 
 
 def order_fault(card: Card, kind: str, details: Mapping[str, Any]) -> Callable[[], None]:
     """What makes the fault happen; ValueError for an unknown kind or a bad detail.
 
     Kinds: `unplug` and `replug` {}; `stall` {duration_s}; `coerce_rate` {rate_hz} (0: no longer);
-    `late_start` {samples}.
+    `late_start` {samples}; `wire` {line, gain, offset_v, low_v, high_v}: what an input (position, force or
+    loopback) reads from now on of what is sent to it; `mend` {}: all wires are whole again.
     """
     if kind in {"unplug", "replug"}:
         return card.unplug if kind == "unplug" else card.replug
@@ -112,11 +123,46 @@ def order_fault(card: Card, kind: str, details: Mapping[str, Any]) -> Callable[[
     if kind == "late_start":
         samples = int(_number(details, "samples", least=0))
         return lambda: setattr(card, "late_start_samples", samples)
-    raise ValueError(f"unknown fault {kind!r}: unplug, replug, stall, coerce_rate or late_start")
+    if kind == "wire":
+        line = details.get("line")
+        if line not in INPUT_OF_LINE:
+            raise ValueError(f"line = {line!r}: one of {', '.join(INPUT_OF_LINE)} is needed")
+        whole = Wire()
+        values = {
+            name: _number(details, name, least=-1e6, default=getattr(whole, name))
+            for name in ("gain", "offset_v", "low_v", "high_v")
+        }
+        return lambda: card.wires.update({INPUT_OF_LINE[line]: Wire(**values)})
+    if kind == "mend":
+        return card.wires.clear
+    raise ValueError(f"unknown fault {kind!r}: unplug, replug, stall, coerce_rate, late_start, wire or mend")
 
 
 class _RequestHandler(SimpleXMLRPCRequestHandler):
+    """Hears programs of this computer only: a page in a browser can send a call here, but not such a one.
+
+    A page reaches this port under its own host name, and may not say that it sends XML.
+    """
+
     protocol_version = "HTTP/1.1"  # a clock that is asked often keeps its connection
+
+    def do_POST(self) -> None:  # noqa: N802 - the server's name for it
+        """Answer a call, unless its head says that it is no program's."""
+        port = self.server.server_address[1]  # type: ignore[index]
+        content = self.headers.get_content_type()
+        length = self.headers.get("Content-Length", "")
+        if self.headers.get("Host") not in {f"127.0.0.1:{port}", f"localhost:{port}"}:
+            self._refuse(403, "calls from other hosts are refused")
+        elif content not in {"text/xml", "application/xml"}:
+            self._refuse(415, f"{content}: a call is text/xml")
+        elif not length.isdecimal() or int(length) > LONGEST_CALL_BYTES:
+            self._refuse(413, f"a call says its length and has {LONGEST_CALL_BYTES} bytes at most")
+        else:
+            super().do_POST()
+
+    def _refuse(self, status: int, reason: str) -> None:
+        self.close_connection = True
+        self.send_error(status, reason)
 
 
 class ControlServer(ThreadingMixIn, SimpleXMLRPCServer):

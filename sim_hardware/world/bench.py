@@ -67,7 +67,7 @@ class World:
         self._substeps = settings.substeps
         self._step_s = 1.0 / (SAMPLE_RATE_HZ * self._substeps)
         self._converter = Converter(settings.converters)
-        self._noise = SensorNoise(settings.noise, settings.seed)
+        self.noise = SensorNoise(settings.noise, settings.seed)
         self._index = 0
         self._trial = -1
         self.clock = TrialClock()
@@ -75,10 +75,13 @@ class World:
         self._memory: dict[str, tuple[float, int]] = {}
         self._specimen = specimens.nothing(settings)
         parts = self._fitted(self._specimen)
-        self._servo = Servo(parts, self._step_s, self._substeps, float(self._command_mm(self._command_v)))
+        start_mm = float(self._command_mm(self._command_v))
+        stepwise = settings.converters.stepwise_output
+        self._servo = Servo(parts, self._step_s, self._substeps, start_mm, stepwise=stepwise)
         self._contact = Contact(parts, self._step_s)
         self._tip_mm = self._servo.position_mm
         self._force_mn = 0.0
+        self._largest_force_mn = 0.0
         self._surface_before = self._specimen.surface_mm
         self.inverted = False
         self.hung_mass_g = 0.0
@@ -93,7 +96,7 @@ class World:
         return self._index / SAMPLE_RATE_HZ
 
     def advance(self, command_v: FloatArray) -> Readings:
-        """Play n samples of the command (V, linear between samples) and return what the inputs read, n each.
+        """Play n samples of the command (V, linear between samples or held) and return what the inputs read, n each.
 
         Reading i is taken at the instant at which the command reaches command_v[i]. ValueError where the
         command is not a line of finite numbers.
@@ -129,7 +132,7 @@ class World:
             self._force_mn = self._contact.force_mn
             self._index += n - first
             self._surface_before = self._surface_now()
-        self._noise.rest(duration_s)
+        self.noise.rest(duration_s)
         for effect in self._hook["rest"]:
             effect.rest(duration_s)
 
@@ -158,6 +161,11 @@ class World:
             command_v=self._command_v,
             time_s=self.time_s,
         )
+
+    def largest_force_mn(self) -> float:
+        """Return the largest true force on the punch since the last call, mN; counting begins anew."""
+        largest_mn, self._largest_force_mn = self._largest_force_mn, self._force_mn
+        return largest_mn
 
     def truth(self) -> dict[str, object]:
         """Return what was drawn and what is under the arm, for tests and scoring only."""
@@ -201,7 +209,7 @@ class World:
     def _new_trial(self) -> None:
         self._trial += 1
         self.clock.reset()
-        self._noise.begin_trial()
+        self.noise.begin_trial()
         for effect in self.effects:
             effect.begin_trial(self._trial)
 
@@ -270,12 +278,14 @@ class World:
             self._surface_before = float(surface[-1])
             self._tip_mm = float(block.fine_tip_mm[-1])
             self._force_mn = float(block.fine_force_mn[-1])
+            self._largest_force_mn = max(self._largest_force_mn, float(block.fine_force_mn.max()))
             self._command_v = float(command_v[-1])
         return block
 
     def _read(self, block: Block) -> Readings:
-        """Return what both inputs read of a block."""
+        """Return what both inputs read of a block; the sensor's gain comes before what the electronics do."""
         n = len(block.time_s)
+        block.fine_force_mn = self.noise.gain * block.fine_force_mn
         force_mn = block.contact_force_mn
         if self._hook["sense_fine"]:
             fine = block.fine_force_mn
@@ -285,11 +295,11 @@ class World:
         for effect in self._hook["sense"]:
             force_mn = effect.sense(block, force_mn)
         c = self.constants
-        felt_mn = self._noise.gain * force_mn + self._hanging_mn() + self._noise.force_mn(n)
+        felt_mn = force_mn + self.noise.gain * self._hanging_mn() + self.noise.force_mn(n)
         codes = self._converter.codes(c.force_zero_v + c.volts_per_mn * felt_mn)
         for effect in self._hook["digitise"]:
             codes = effect.digitise(block, codes)
-        position_mm = block.position_mm + self._noise.position_mm(n)
+        position_mm = block.position_mm + self.noise.position_mm(n)
         position_v = self._converter.convert(c.position_zero_v + c.volts_per_mm * position_mm)
         return Readings(position_v, self._converter.volts(codes))
 

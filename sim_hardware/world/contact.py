@@ -19,7 +19,7 @@ from sim_hardware.parts import FloatArray, Parts
 # layout of the constants c
 K0, STIFFENING, COMPLIANCE, CREEP, CREEP_TIME, SLACK, SLACK_FORCE, DASHPOT = range(8)
 PULL_OFF, PEEL, PEEL_RATE, SUPPORT_MASS, SUPPORT, SUPPORT_DAMPING = range(8, 14)
-CUBIC, QUARTIC, SETTING_TIME, RECOVERY_TIME, STEP = range(14, 19)
+CUBIC, QUARTIC, SETTING_TIME, RECOVERY_TIME, STEP, POWER, REFERENCE = range(14, 21)
 # layout of the state
 DEPRESSION, ELONGATION, CREPT, BONDED, OPENING, SUPPORT_SHIFT, SUPPORT_SPEED, FORCE, TOUCHING, SET = range(10)
 # rows of the arms: stiffness, time, exp(-h / tau), k (tau / h) (1 - exp(-h / tau)), force
@@ -28,6 +28,7 @@ STIFFNESS, TIME, DECAY, GAIN, LOAD = range(5)
 FIXED, TOTAL_GAIN, DASH, OLD, GIVE = range(5)
 
 _CLOSE_MM = 1e-13
+_SOFT_MM = 5e-4
 _TRIES = 60
 _PEELED = 40
 """A bond opened to so many times the opening at which it grips hardest is gone."""
@@ -35,7 +36,18 @@ _PEELED = 40
 
 @njit(cache=True, error_model="numpy")
 def _elongation(d: float, c: FloatArray) -> tuple[float, float]:
-    """Return e(d) = d + b d^2 + cubic d^3 + quartic d^4 and its slope."""
+    """Return e(d) = d + b d^2 + cubic d^3 + quartic d^4, or a power of d, and its slope.
+
+    The power is r ((d + s) / r)^p - r (s / r)^p with s of 0.5 um, and a line where d is below zero, so that
+    its slope is nowhere zero.
+    """
+    if c[POWER] != 1.0:
+        r, p = c[REFERENCE], c[POWER]
+        steep = p * (_SOFT_MM / r) ** (p - 1)
+        if d <= 0.0:
+            return steep * d, steep
+        at = (d + _SOFT_MM) / r
+        return r * (at**p - (_SOFT_MM / r) ** p), p * at ** (p - 1)
     e = d * (1 + d * (c[STIFFENING] + d * (c[CUBIC] + d * c[QUARTIC])))
     return e, 1 + d * (2 * c[STIFFENING] + d * (3 * c[CUBIC] + d * 4 * c[QUARTIC]))
 
@@ -146,7 +158,8 @@ def contact_step(
         gain += arms[GAIN, i]
     step[FIXED], step[TOTAL_GAIN], step[DASH], step[OLD] = fixed, gain, dash, d_old
 
-    linear = c[STIFFENING] == 0.0 and c[SLACK] == 0.0  # most benches: no search
+    proportional = c[STIFFENING] == 0.0 and c[POWER] == 1.0
+    linear = proportional and c[SLACK] == 0.0  # most benches: no search
     free = (dash * d_old - fixed) / (gain + dash) if linear else _free(c, step)
     d, force, opening = free, 0.0, 0.0
     touching = w > free
@@ -165,7 +178,7 @@ def contact_step(
         if not touching:
             d, force, opening = free, 0.0, 0.0
 
-    e = d if c[STIFFENING] == 0.0 else _elongation(d, c)[0]
+    e = d if proportional else _elongation(d, c)[0]
     for i in range(arms.shape[1]):
         arms[LOAD, i] = arms[DECAY, i] * arms[LOAD, i] + arms[GAIN, i] * (e - e_old)
     if c[SETTING_TIME] > 0.0:
@@ -258,6 +271,8 @@ class Contact:
                 parts.memory.setting_s if parts.memory else 0.0,
                 parts.memory.time_s if parts.memory else 1.0,
                 step_s,
+                parts.exponent,
+                parts.reference_mm,
             ]
         )
 

@@ -1,4 +1,4 @@
-"""The lever's motor: a second-order servo, integrated exactly for a command linear between samples."""
+"""The lever's motor: a second-order servo, integrated exactly for a command of lines or of steps."""
 
 from __future__ import annotations
 
@@ -10,8 +10,12 @@ from sim_hardware.parts import FloatArray, Parts
 
 
 @njit(cache=True)
-def servo_steps(exact: FloatArray, state: FloatArray, command: FloatArray, substeps: int) -> FloatArray:
+def servo_steps(
+    exact: FloatArray, state: FloatArray, command: FloatArray, substeps: int, stepwise: bool
+) -> FloatArray:
     """Step the servo through a block; return position, velocity, acceleration, (3, n * m).
+
+    Between two samples the command moves in a line, or, ``stepwise``, stays where it was.
 
     ``state`` holds delayed command, position, velocity and command. The first three after a fine step are
     exact[:3] @ (the three before, command before, command now); the acceleration is
@@ -22,9 +26,9 @@ def servo_steps(exact: FloatArray, state: FloatArray, command: FloatArray, subst
     j = 0
     for i in range(command.shape[0]):
         before = old
-        slope = (command[i] - before) / substeps
+        slope = 0.0 if stepwise else (command[i] - before) / substeps
         for s in range(substeps):
-            new = command[i] if s == substeps - 1 else before + slope * (s + 1)
+            new = command[i] if s == substeps - 1 and not stepwise else before + slope * (s + 1)
             w1 = exact[0, 0] * w + exact[0, 3] * old + exact[0, 4] * new
             x1 = exact[1, 0] * w + exact[1, 1] * x + exact[1, 2] * v + exact[1, 3] * old + exact[1, 4] * new
             v1 = exact[2, 0] * w + exact[2, 1] * x + exact[2, 2] * v + exact[2, 3] * old + exact[2, 4] * new
@@ -33,6 +37,7 @@ def servo_steps(exact: FloatArray, state: FloatArray, command: FloatArray, subst
             motion[1, j] = v
             motion[2, j] = exact[3, 0] * w + exact[3, 1] * x + exact[3, 2] * v + exact[3, 3] * new
             j += 1
+        old = command[i]
     state[0], state[1], state[2], state[3] = w, x, v, old
     return motion
 
@@ -43,9 +48,12 @@ class Servo:
     With the delayed command w (w = u where there is no lag): x'' = wn^2 (w - x) - 2 zeta wn x'.
     """
 
-    def __init__(self, parts: Parts, step_s: float, substeps: int, start_mm: float) -> None:
+    def __init__(
+        self, parts: Parts, step_s: float, substeps: int, start_mm: float, *, stepwise: bool = False
+    ) -> None:
         self._step_s = step_s
         self._substeps = substeps
+        self._stepwise = stepwise
         self._state = np.array([start_mm, start_mm, 0.0, start_mm])
         self.fit(parts)
 
@@ -71,7 +79,7 @@ class Servo:
 
     def advance(self, command_mm: FloatArray) -> FloatArray:
         """Return position (mm), velocity (mm/s), acceleration (mm/s2) at every fine step, (3, n * m)."""
-        motion: FloatArray = servo_steps(self._exact, self._state, command_mm, self._substeps)
+        motion: FloatArray = servo_steps(self._exact, self._state, command_mm, self._substeps, self._stepwise)
         return motion
 
     def settle(self) -> None:

@@ -21,6 +21,7 @@ def truth(world: World) -> dict[str, object]:
         "arm_mass_g": world.settings.lever.arm_mass_g,
         "natural_frequency_rad_s": world.settings.lever.natural_frequency_rad_s,
         "damping_ratio": world.settings.lever.damping_ratio,
+        "gain": world.noise.gain,
         "force_noise_mn": world.settings.noise.force_mn_rms,
         "position_noise_um": world.settings.noise.position_um_rms,
         "specimen": world.specimen.label,

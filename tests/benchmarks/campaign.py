@@ -1,21 +1,23 @@
-"""Campaigns of concealed cases in memory: draw, record, diagnose, keep one line a case; stopped, they go on.
+"""Campaigns of concealed cases: draw, record, diagnose, keep one line a case; stopped, they go on.
 
-    python tests/benchmarks/campaign.py ladder --cases 46 --out DIR [--processes 2] [--seed 1]
+    python tests/benchmarks/campaign.py singles --skin living --cases 65 --out DIR [--processes 2] [--only 3 7]
 
-Each line of DIR/NAME.jsonl holds the truth, the report, and what it took. DIR/drawn keeps the cases, so
-that the same ones can be diagnosed again once the lines are removed. The tests beside this file run
-campaigns and print their tables with `rig.proof.scores`.
+Seeds are blind: drawn when a campaign begins and kept in DIR with the truths of its cases, so that another
+code is judged on the same cases. Rows are kept by a digest of the analysis, one JSON line a case: the truth,
+the report, time and memory. Each case is recorded to files and diagnosed by `indenter diagnose` on them.
 """
 
 from __future__ import annotations
 
 import argparse
-import hashlib
 import json
+import os
+import secrets
 import sys
+import tempfile
 import time
-from collections.abc import Callable, Iterable
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import replace
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
@@ -23,203 +25,184 @@ from typing import Any
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).parent))
+
+from measured import Row, code_digest, diagnose, digest_of, kept_rows
+
 import sim_hardware
-from sim_hardware.concealment.cases import NOISES, RUNGS, Case, Hidden, draw_case, draw_pair
-from sim_hardware.concealment.knobs import ABSORBED, LIBRARY, OUTSIDE
+from analysis.recordings import write_trial
+from rig.proof.recovery import sizes
+from rig.proof.scores import Outcome, is_right, read_truth
+from sim_hardware.concealment.cases import NOISES, draw_case, draw_together, outsiders
+from sim_hardware.concealment.knobs import ABSORBED
 from sim_hardware.concealment.offline import TrialPlan, record_study, study_plans
+from sim_hardware.concealment.sizes import BENCH_SIZES, OTHER_SIZES
 from sim_hardware.settings import BenchSettings
+from sim_hardware.world.specimens import FINGERS
 
-Row = dict[str, Any]
-Spec = tuple[str, tuple[str, ...], float, str]
+Spec = tuple[str, tuple[str, ...], str]
+"""What to draw: kind, names, noise."""
+CAMPAIGNS = ("nulls", "singles", "others", "pairs", "triples", "outside", "absorbed")
 
 
-def specs(campaign: str, n: int, seed: int) -> list[Spec]:
-    """Return what to draw: kind, names, rung, noise, n of them; every name and rung comes in its turn."""
+def specs(campaign: str, n: int, seed: int, skin: str = "living") -> list[Spec]:
+    """Return n cases to draw; every name and every noise comes in its turn."""
+    noises = list(NOISES)
     random = np.random.default_rng([seed, 21])
-    library, outside = list(LIBRARY), list(OUTSIDE)
     if campaign == "nulls":
-        return [("null", (), 0.0, list(NOISES)[i % 4]) for i in range(n)]
-    if campaign == "ladder":
-        rungs = [20.0, 300.0, 8.0, 100.0, 50.0, 1000.0, 12.0, 5.0, 3.0]
-        every = [("single", (name,), rung, "white") for rung in rungs for name in library]
-        return [every[i % len(every)] for i in range(n)]
-    if campaign == "usual":
-        every = [("single", (name,), 0.0, noise) for noise in NOISES for name in library]
-        return [every[i % len(every)] for i in range(n)]
-    if campaign == "outside":
-        rungs = [100.0, 20.0, 300.0, 50.0, 1000.0]
-        every = [("outside", (name,), rung, "white") for rung in rungs for name in outside]
-        return [every[i % len(every)] for i in range(n)]
-    if campaign == "absorbed":
-        return [("absorbed", tuple(ABSORBED), 0.0, "white") for _ in range(n)]
-    if campaign == "pairs":
-        found: list[Spec] = []
-        for i in range(n):
-            found.append(("pair", draw_pair(random), RUNGS[4 + i % 4], "white"))
-        return found
-    raise ValueError(f"no campaign {campaign!r}")
+        return [("null", (), noises[i % len(noises)]) for i in range(n)]
+    if campaign in ("pairs", "triples"):
+        kind = campaign[:-1]
+        size = 2 if kind == "pair" else 3
+        return [(kind, draw_together(random, size), noises[i % len(noises)]) for i in range(n)]
+    names = {
+        "singles": list(BENCH_SIZES),
+        "others": [n for n in OTHER_SIZES if n not in ABSORBED],
+        "outside": outsiders(skin),  # type: ignore[arg-type]
+        "absorbed": list(ABSORBED),
+    }[campaign]
+    kind = {"singles": "single", "others": "single"}.get(campaign, campaign)
+    # a name's noise moves on each time round, so that every name has every noise in the end
+    turns = [divmod(i, len(names)) for i in range(n)]
+    return [(kind, (names[at],), noises[(at + turn) % len(noises)]) for turn, at in turns]
 
 
 def plans(seed: int) -> list[TrialPlan]:
-    """Return 20 trials at 4 depths in shuffled order, with rests of 2 to 3 minutes."""
+    """Return 20 trials, five fingers at four depths, each at a site of its own, shuffled, rests of 2 to 3 minutes."""
     random = np.random.default_rng([seed, 22])
-    listed = study_plans()
-    order = random.permutation(len(listed))
-    return [replace(listed[i], rest_s=float(random.uniform(120, 180))) for i in order]
+    listed = study_plans(fingers=FINGERS, repeats=1)
+    return [
+        replace(listed[i], rest_s=float(random.uniform(120, 180))) for i in random.permutation(len(listed))
+    ]
 
 
-def trials_of(case: Case) -> list[Any]:
-    """Record a case's study in memory."""
-    path = Path(__file__).parents[1] / "bench_trials.py"
-    spec = spec_from_file_location("bench_trials", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return [module.as_trial(r) for r in record_study(case.settings, plans(case.settings.seed))]
-
-
-def drawn(number: int, spec: Spec, seed: int, kept: Path) -> Case:
-    """Draw a case, or take it as it was drawn before: to scale its effects is half the work."""
+def drawn(number: int, spec: Spec, skin: str, seed: int, kept: Path) -> Row:
+    """Draw a case's truth, or take it as it was drawn before: to tell strengths is half the work."""
+    kind, names, noise = spec
     if kept.exists():
-        truth = json.loads(kept.read_text())
-        hidden = tuple(Hidden(**{**h, "phases": tuple(h["phases"])}) for h in truth["hidden"])
-        settings = BenchSettings.model_validate_json(json.dumps(truth["settings"]))
-        return Case(number, truth["kind"], truth["rung"], truth["noise"], settings, hidden)
-    kind, names, rung, noise = spec
-    case = draw_case(number, kind, names, rung, noise, seed=seed, plans=plans(seed))  # type: ignore[arg-type]
+        truth: Row = json.loads(kept.read_text())
+        if (truth["kind"], tuple(h["name"] for h in truth["hidden"]), truth["noise"]) == spec:
+            return truth
+    case = draw_case(number, kind, names, noise, skin, seed=seed, plans=plans(seed))  # type: ignore[arg-type]
     kept.parent.mkdir(parents=True, exist_ok=True)
     kept.write_text(json.dumps(case.truth()))
-    return case
+    return drawn(number, spec, skin, seed, kept)
 
 
-def bench_digest() -> str:
-    """Return a digest of the bench's sources: cases drawn on another bench have other strengths on this one."""
-    folder = Path(sim_hardware.__file__).parent
-    digest = hashlib.sha256()
-    for path in sorted(folder.rglob("*.py")):
-        digest.update(path.read_bytes())
-    return digest.hexdigest()[:8]
+def record(truth: Row, folder: Path) -> None:
+    """Record a case's study as trial files."""
+    path = Path(__file__).parents[1] / "bench_trials.py"
+    found = spec_from_file_location("bench_trials", path)
+    assert found is not None
+    assert found.loader is not None
+    module = module_from_spec(found)
+    found.loader.exec_module(module)
+    settings = BenchSettings.model_validate_json(json.dumps(truth["settings"]))
+    for i, recorded in enumerate(record_study(settings, plans(settings.seed))):
+        write_trial(folder / f"trial_{i + 1:03d}.h5", module.as_trial(recorded))
 
 
-def run_case(number: int, spec: Spec, seed: int, kept: Path) -> Row:
+def run_case(number: int, spec: Spec, skin: str, seed: int, kept: Path) -> Row:
     """Draw, record and diagnose one case."""
-    from analysis.mismatch.diagnosis import diagnose
-    from analysis.mismatch.intake import take_in_memory
-
-    case = drawn(number, spec, seed, kept)
-    started = time.monotonic()
-    trials = trials_of(case)
-    recorded = time.monotonic()
-    row: Row = {"number": number, "truth": case.truth()}
-    try:
-        diagnosis = diagnose(take_in_memory(trials), seed=seed % 1000)
-        row["report"] = as_report(diagnosis, seed % 1000)
-        row["steps"] = steps_of(diagnosis)
-    except Exception as error:  # noqa: BLE001 - a campaign outlives a case that fails, and counts it
-        row["error"] = f"{type(error).__name__}: {error}"
-    row["record_s"] = recorded - started
-    row["diagnose_s"] = time.monotonic() - recorded
-    return row
+    truth = drawn(number, spec, skin, seed, kept)
+    with tempfile.TemporaryDirectory(prefix="indenter-case-") as place:
+        began = time.monotonic()
+        trials = Path(place) / "trials"
+        trials.mkdir()
+        record(truth, trials)
+        recorded = time.monotonic() - began
+        measured = diagnose(trials, Path(place) / "diagnosis", seed % 1000)
+    return {"number": number, "truth": truth, "record_s": recorded, **measured}
 
 
-def as_report(diagnosis: Any, seed: int) -> Row:
-    """Return what report.json would say, without the protocol to run next."""
-    from analysis.mismatch.verdict import make_report
-
-    report: Row = make_report(diagnosis, baseline="ramp", seed=seed, tolerance_mn=0.3).as_json()
-    return report
-
-
-def steps_of(diagnosis: Any) -> list[Row]:
-    """Return what was considered at each step: names, gains, p-values."""
-    named = diagnosis.named
-    found = []
-    for i, considered in enumerate(named.considered):
-        energy = float(diagnosis.problem.repeatable(named.fits[min(i, len(named.fits) - 1)]).sum())
-        found.append(
-            {
-                "left": energy,
-                "considered": [[c.mechanism.name, c.total_gain, c.p_value] for c in considered[:6]],
-            }
-        )
-    return found
+def campaign_seed(name: str, folder: Path, given: int | None) -> int:
+    """Return the seed a campaign began with, or a blind one where it begins now."""
+    path = folder / f"{name}.seed"
+    if not path.exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        path.write_text(str(secrets.randbits(31) if given is None else given))
+    return int(path.read_text())
 
 
 def run(
     campaign: str,
+    skin: str,
     n: int,
     out: Path,
     *,
-    seed: int = 1,
+    seed: int | None = None,
     processes: int = 1,
     only: frozenset[int] = frozenset(),
-    listen: Callable[[Row], None] | None = None,
+    listen: Callable[[Row], None] = lambda row: None,
 ) -> list[Row]:
-    """Run a campaign, or go on with it; return all its rows in order. ``only``: these cases (empty: all)."""
-    out.mkdir(parents=True, exist_ok=True)
-    path = out / f"{campaign}-{seed}.jsonl"
-    rows = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+    """Run a campaign, or go on with it; return its rows in order. ``only``: these cases (empty: the first n)."""
+    name = f"{campaign}-{skin}"
+    seed = campaign_seed(name, out, seed)
+    path = out / f"{name}-{code_digest()}.jsonl"
+    rows = kept_rows(path)
     done = {r["number"] for r in rows}
-    wanted = [
-        (i, s) for i, s in enumerate(specs(campaign, n, seed)) if i not in done and (not only or i in only)
-    ]
-    with path.open("a") as file:
-        for row in _done(wanted, seed, processes, out / f"drawn-{bench_digest()}" / f"{campaign}-{seed}"):
-            file.write(json.dumps(row) + "\n")
+    kept = out / f"drawn-{digest_of(sim_hardware)}" / name
+    listed = specs(campaign, max(n, *only) + 1 if only else n, seed, skin)
+    wanted = [i for i in (sorted(only) or range(n)) if i not in done]
+    with path.open("a") as file, ThreadPoolExecutor(processes) as pool:
+
+        def begin(i: int) -> Any:
+            own = int(np.random.default_rng([seed, 23, i]).integers(2**31))
+            return pool.submit(run_case, i, listed[i], skin, own, kept / f"{i}.json")
+
+        for job in as_completed([begin(i) for i in wanted]):
+            rows.append(job.result())
+            file.write(json.dumps(rows[-1]) + "\n")
             file.flush()
-            rows.append(row)
-            if listen:
-                listen(row)
-    return sorted((r for r in rows if r["number"] < n), key=lambda r: int(r["number"]))
+            listen(rows[-1])
+    return sorted((r for r in rows if r["number"] in (only or range(n))), key=lambda r: int(r["number"]))
 
 
-def _done(wanted: list[tuple[int, Spec]], seed: int, processes: int, kept: Path) -> Iterable[Row]:
-    def seed_of(i: int) -> int:
-        return int(np.random.default_rng([seed, 23, i]).integers(2**31))
-
-    if processes == 1:
-        yield from (run_case(i, s, seed_of(i), kept / f"{i}.json") for i, s in wanted)
-        return
-    with ProcessPoolExecutor(processes) as pool:
-        jobs = [pool.submit(run_case, i, s, seed_of(i), kept / f"{i}.json") for i, s in wanted]
-        for job in as_completed(jobs):
-            yield job.result()
+def told(row: Row) -> str:
+    """Return a case in one line: number, noise, concealed, said, sizes, right or not, seconds of processor."""
+    truth = read_truth(row["truth"])
+    hidden = " + ".join(f"{e.name} ({e.strength:.0f})" for e in truth.effects) or "nothing"
+    if row["error"]:
+        return f"{row['number']}; {truth.noise}; {hidden}; {row['error']}; WRONG"
+    outcome = Outcome(truth, row["report"])
+    said = " + ".join(" | ".join(s) for s in outcome.named_sets)
+    found = ", ".join(
+        f"{r.parameter} {r.value:.3g}+-{r.se:.2g} for {r.truth:.3g}{'' if r.covered else ' (off)'}"
+        for r in sizes(outcome)
+    )
+    right = "right" if is_right(outcome) else "WRONG"
+    return f"{row['number']}; {truth.noise}; {hidden}; {outcome.verdict} {said}; {found}; {right}; {row['cpu_s']:.0f} s"
 
 
 def main() -> int:
-    """Run a campaign from the command line, a line a case."""
-    parser = argparse.ArgumentParser()
-    parser.add_argument("campaign")
+    """Run a campaign from the command line, a line a case, and its figures."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("campaign", choices=CAMPAIGNS)
+    parser.add_argument("--skin", choices=("living", "shared", "published"), default="living")
     parser.add_argument("--cases", type=int, default=20)
-    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seed", type=int, help="of a campaign that begins; blind where none is given")
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--only", type=int, nargs="*", default=[], help="numbers of the cases to run")
     given = parser.parse_args()
-
-    def tell(row: Row) -> None:
-        hidden = [(h["name"], round(h["strength"], 1)) for h in row["truth"]["hidden"]]
-        report = row.get("report", {})
-        said = [(m["name"], m["alternatives"]) for m in report.get("mechanisms", [])]
-        print(
-            row["number"],
-            hidden,
-            report.get("verdict", row.get("error")),
-            said,
-            f"{row['diagnose_s']:.0f} s",
-            flush=True,
-        )
-
-    run(
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    rows = run(
         given.campaign,
+        given.skin,
         given.cases,
         given.out,
         seed=given.seed,
         processes=given.processes,
         only=frozenset(given.only),
-        listen=tell,
+        listen=lambda row: print(told(row), flush=True),
     )
+    from rig.proof.figures import figures
+
+    for figure in figures([Outcome(read_truth(r["truth"]), r["report"]) for r in rows if not r["error"]]):
+        print(f"{figure.what}: {figure.value} (over {figure.over})")
     return 0
 
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-import json
-import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import measured
 
 from analysis.recordings import write_trial
 from sim_hardware.concealment.offline import record_trial, study_plans
@@ -21,17 +23,6 @@ seed = 3
 [[effects]]
 name = "adhesion"
 pull_off_mn = 5.0
-"""
-
-_MEASURE = """
-import json, resource, subprocess, sys, time
-began = time.monotonic()
-ended = subprocess.run(sys.argv[1:], stdout=subprocess.DEVNULL)
-wall_s = time.monotonic() - began
-used = resource.getrusage(resource.RUSAGE_CHILDREN)
-cpu_s, peak_mb = used.ru_utime + used.ru_stime, used.ru_maxrss / 1024
-print(json.dumps({"wall_s": wall_s, "cpu_s": cpu_s, "peak_mb": peak_mb}))
-sys.exit(ended.returncode)
 """
 
 
@@ -48,14 +39,9 @@ def test_time_and_memory(repeats: int, limit_s: float, tmp_path: Path, as_trial:
         trial = as_trial(record_trial(world, plan, first=i == 0))
         length_s = max(length_s, trial.n_samples / trial.sample_rate_hz)
         write_trial(trials / f"{i:03d}.h5", trial)
-    out = tmp_path / "out"
-    command = [sys.executable, "-m", "rig.cli", "diagnose", str(trials), "--out", str(out)]
-    ended = subprocess.run(
-        [sys.executable, "-c", _MEASURE, *command], capture_output=True, text=True, check=False
-    )
-    assert ended.returncode == 0, ended.stderr
-    used = json.loads(ended.stdout)
-    report = json.loads((out / "report.json").read_text())
+    used = measured.diagnose(trials, tmp_path / "out")
+    assert not used["error"]
+    report = used["report"]
     print(
         f"\n{len(plans)} trials of up to {length_s:.1f} s: {used['wall_s']:.0f} s ({used['cpu_s']:.0f} s of "
         f"processor), peak {used['peak_mb']:.0f} MB; said {report['verdict']} "

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 from analysis.recordings import read_trial
-from analysis.recordings.rescue import rescue_paths
+from analysis.recordings.live.rescue import rescue_paths
 from rig.engine.announcing import announcements
 from rig.engine.following import Follower
 from rig.engine.states import State

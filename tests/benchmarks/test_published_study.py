@@ -38,6 +38,7 @@ tau2_s = {tau2}
 [specimens]
 published_tissue = {published}
 finger_variation = {variation}
+site_variation = 0.0
 [noise]
 force_mn_rms = {noise_mn}
 """

@@ -470,3 +470,53 @@ def test_an_event_waits_for_what_it_needs(bench: Any, quiet: Any, name: str) -> 
     assert effect["drawn"]["time_s"] == pytest.approx(expected, abs=1e-3)
     changed = np.flatnonzero(np.abs(b.force_mn - a.force_mn) > 0.05)[0] / 8000
     assert changed == pytest.approx(expected, abs=0.03)
+
+
+@pytest.mark.parametrize("exponent", [1.5, 2.0])
+def test_a_power_of_the_depth_is_one_whatever_the_depth(bench: Any, quiet: Any, exponent: float) -> None:
+    """At rest the force over the linear one is (d / r)^(p - 1), d the depth from the first touch."""
+    for depth_mm in (0.1, 0.3, 0.7):
+        effect = _with("stiffening", exponent=exponent, reference_mm=0.4)
+        (a,), (b,) = _pair(bench, quiet, effect, depth_mm=depth_mm)
+        ratio = b.force("hold")[-1] / a.force("hold")[-1]
+        assert ratio == pytest.approx(((depth_mm + 0.06) / 0.4) ** (exponent - 1), rel=0.02)
+
+
+def test_pressed_skin_is_softer_up_to_where_it_was_pressed(bench: Any, quiet: Any) -> None:
+    world = World(quiet(_with("mullins", softening=0.1)))
+    forces = []
+    for site, deep in (("a", 0.3), ("b", 0.6), ("c", 0.3)):
+        world.advance(bench.volts(world, bench.line(world.arm().position_mm, 1.0, 20.0)))
+        world.request("place_finger", {"finger": "index", "site": site, "repeat": 1})
+        z = world.specimen.surface_mm
+        world.advance(bench.volts(world, bench.line(1.0, z, 20.0)))
+        played = bench.play(
+            world, [("ramp", bench.line(z, z + deep, 5.0)), ("hold", bench.hold(z + deep, 0.5))]
+        )
+        forces.append(played.force("hold")[-1])
+    assert forces[2] / forces[0] == pytest.approx(0.925, abs=0.01)  # half as deep: 5 and 2.5 % are lost
+
+
+def test_a_tilting_punch_has_two_poses(bench: Any, quiet: Any) -> None:
+    (a,), (b,) = _pair(bench, quiet, _with("punch_tilt", loss=0.05, rate_hz=2.0), hold_s=40.0)
+    share = (b.force("hold") / a.force("hold"))[800:]
+    settled = np.abs(share - 1) < 1e-6
+    assert 0.25 < settled.mean() < 0.75
+    assert np.median(share[share < 0.975]) == pytest.approx(0.95, abs=0.01)
+
+
+def test_a_pressed_seal_rubs_with_the_force(bench: Any, quiet: Any) -> None:
+    (a,), (b,) = _pair(bench, quiet, _with("pressed_seal", 0.0, share=0.05))
+    for phase, more in (("ramp", 0.05), ("retract", -0.05)):
+        force, rubbed = a.force(phase)[200:-10], (b.force_mn - a.force_mn)[a.phases[phase]][200:-10]
+        assert np.allclose(rubbed[force > 20], more * force[force > 20], rtol=0.02)
+
+
+def test_sparks_come_as_often_as_said(bench: Any, quiet: Any) -> None:
+    (a,), (b,) = _pair(bench, quiet, _with("force_spikes", 0.0, height_mn=5.0, rate_hz=4.0), hold_s=40.0)
+    spikes = np.abs(b.force_mn - a.force_mn)
+    n = int((spikes > 1).sum())
+    assert n == pytest.approx(
+        4.0 * len(spikes) / 8000, rel=0.35
+    )  # a Poisson count of 175: 4.6 of its deviations
+    assert np.allclose(spikes[spikes > 1], 5.0, atol=1e-3)

@@ -43,7 +43,7 @@ def test_the_micrometer_lowers_the_block(quiet: Any) -> None:
     assert world.specimen.surface_mm == heights[0]
 
 
-def test_sites_have_their_own_height_and_fingers_their_own_stiffness() -> None:
+def test_every_site_has_a_height_and_a_stiffness_of_its_own() -> None:
     world = World(BenchSettings.from_toml("seed = 9"))
     heights, stiffness = [], {}
     for finger in ("thumb", "index", "middle", "ring", "little"):
@@ -53,9 +53,8 @@ def test_sites_have_their_own_height_and_fingers_their_own_stiffness() -> None:
             stiffness.setdefault(finger, set()).add(world.specimen.parts.k0_mn_per_mm)
     assert len(set(heights)) == 15
     assert 3.0 <= min(heights) < max(heights) <= 6.0
-    assert all(len(s) == 1 for s in stiffness.values())
-    assert len(set.union(*stiffness.values())) == 5
-    assert all(80 < k < 180 for s in stiffness.values() for k in s)
+    assert len(set.union(*stiffness.values())) == 15
+    assert all(60 < k < 230 for s in stiffness.values() for k in s)
 
 
 def test_published_tissue_switches_the_variation_off() -> None:

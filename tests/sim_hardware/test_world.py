@@ -243,7 +243,7 @@ def test_ugly_noise_is_ugly() -> None:
     world = World(BenchSettings.from_toml("[noise]\ngain_jitter = 0.02"))
     for _ in range(5):
         world.request("clear_air")
-        gains.add(world._noise.gain)
+        gains.add(world.noise.gain)
     assert len(gains) == 5
 
 

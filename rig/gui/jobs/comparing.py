@@ -12,7 +12,7 @@ from scipy.optimize import least_squares
 from analysis.errors import BadInputError
 from analysis.recordings.attributes import attributes_in, group_of
 from analysis.recordings.folders import find_trials
-from analysis.recordings.locking import is_locked
+from analysis.recordings.live.locking import is_locked
 from analysis.recordings.opening import access, open_file
 from analysis.recordings.reading import read_trial
 from analysis.recordings.tables import read_phases

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.errors import BadInputError
-from analysis.recordings.locking import is_locked
+from analysis.recordings.live.locking import is_locked
 from analysis.recordings.reading import read_trial
 from analysis.recordings.trial import FloatArray, Trial
 from analysis.relaxation.batch import fit_files

@@ -17,7 +17,7 @@ import h5py
 
 from analysis.errors import BadInputError
 from analysis.recordings.attributes import attributes_in, group_of
-from analysis.recordings.locking import is_locked
+from analysis.recordings.live.locking import is_locked
 from analysis.recordings.opening import access, check_is_file, open_file
 from analysis.recordings.probing import probe
 from analysis.recordings.sealing import is_sealed

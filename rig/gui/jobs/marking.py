@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from analysis.errors import BadInputError
-from analysis.recordings.locking import is_locked
+from analysis.recordings.live.locking import is_locked
 from analysis.recordings.writing import mark_discarded, take_back_discard
 from rig.gui.jobs.headers import Header, read_headers
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from analysis.errors import BadInputError
 from analysis.recordings.attributes import attributes_in, group_of
-from analysis.recordings.locking import is_locked
+from analysis.recordings.live.locking import is_locked
 from analysis.recordings.opening import access, open_file
 from analysis.recordings.reading import read_trial
 from analysis.recordings.sealing import seal_state

@@ -73,7 +73,7 @@ def test_a_law_is_named_and_measured(
 def test_a_gain_of_its_own_in_every_trial_is_no_mismatch_and_hides_none(
     effect: str, names: list[str]
 ) -> None:
-    noise = "seed = 8\n[noise]\ngain_jitter = 0.01\n"
+    noise = "seed = 8\n[specimens]\nsite_variation = 0.0\n[noise]\ngain_jitter = 0.01\n"
     body = f"[[effects]]\n{effect}\n" if effect else ""
     trials = bench_trials(noise + body, study_plans(depths_mm=(0.2, 0.5, 0.8), repeats=4))
     found = diagnose(take_in_memory(trials), seed=1)

@@ -12,7 +12,7 @@ import pytest
 
 from analysis.errors import BadInputError
 from analysis.recordings import TrialWriter, read_trial, write_trial
-from analysis.recordings.rescue import rescue_paths
+from analysis.recordings.live.rescue import rescue_paths
 from analysis.recordings.trial import Event, Phase, ProtocolSummary
 
 RATE = 8000.0

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -17,7 +19,8 @@ import pytest
 
 from analysis.errors import BadInputError
 from analysis.recordings import TrialWriter, read_trial
-from analysis.recordings.locking import is_locked
+from analysis.recordings.live.locking import is_locked
+from analysis.recordings.live.rescue import recovered_trial
 from analysis.recordings.trial import Event, Phase, Surface
 
 RNG = np.random.default_rng(5)
@@ -123,8 +126,60 @@ def test_a_chunk_does_not_wait_for_the_structure(tmp_path, a_header, monkeypatch
             return structure(*args)
 
         monkeypatch.setattr(writer, "_structure", slow)
-        writer.set_surface(Surface(5.0, 0, 2.0, 10.0))
+        writer._restructure()
     assert read_trial(tmp_path / "t.h5").n_samples == 1
+
+
+def test_nothing_is_rewritten_where_the_surface_is_found(tmp_path, a_header):
+    path, surface = tmp_path / "t.h5", Surface(5.0, 400, 2.0, 10.0)
+    with TrialWriter(path, a_header(), 1000, grow=False) as writer:
+        made = path.stat().st_ino
+        _append_all(writer, RNG.normal(size=(3, 500)))
+        writer.set_surface(surface)
+        writer.set_phases((Phase("approach", 0, 400),))
+        assert path.stat().st_ino == made
+        running = read_trial(path)
+        assert running.surface == surface
+        assert recovered_trial(running).surface == surface
+    trial = read_trial(path)
+    assert trial.surface == surface
+    with h5py.File(path) as file:
+        assert "running" not in file
+
+
+def test_a_trial_that_may_not_grow_is_refused_and_kept(tmp_path, a_header):
+    with (
+        pytest.raises(OSError, match="longer than the 100 samples"),
+        TrialWriter(tmp_path / "t.h5", a_header(), 100, grow=False) as writer,
+    ):
+        _append_all(writer, RNG.normal(size=(3, 200)))
+    trial = read_trial(tmp_path / "t.h5")
+    assert (trial.status, trial.n_samples) == ("aborted", 80)
+
+
+def test_a_file_that_another_program_cuts_is_never_complete(tmp_path, a_header):
+    path = tmp_path / "t.h5"
+    with (
+        pytest.raises(OSError, match="another program"),
+        TrialWriter(path, a_header(), 1000) as writer,
+    ):
+        _append_all(writer, RNG.normal(size=(3, 200)))
+        os.truncate(path, path.stat().st_size - 20_000)
+        writer.append([1.0], [2.0], [3.0])
+
+
+def test_the_trial_of_a_folder_that_is_gone_is_kept_elsewhere(tmp_path, a_header, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    folder = tmp_path / "study"
+    folder.mkdir()
+    with (
+        pytest.raises(BadInputError, match="its folder is gone: the trial was kept as"),
+        TrialWriter(folder / "t.h5", a_header(), 1000) as writer,
+    ):
+        _append_all(writer, RNG.normal(size=(3, 200)))
+        shutil.rmtree(folder)
+    kept = read_trial(next(tmp_path.glob("t-*.h5")))
+    assert (kept.status, kept.n_samples) == ("aborted", 200)
 
 
 def test_without_a_command_channel(tmp_path, a_header):

@@ -10,9 +10,17 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from analysis.recordings.trial import Calibration, Phase, ProtocolSummary, Specimen, Surface, Trial
+from analysis.recordings.trial import (
+    Calibration,
+    NativeSamples,
+    Phase,
+    ProtocolSummary,
+    Specimen,
+    Surface,
+    Trial,
+)
 from analysis.relaxation.motion import servo_answer
-from analysis.relaxation.response import force_response
+from analysis.relaxation.response import arm_response, force_response
 
 RATE_HZ = 8000.0
 FINER = 2  # the truth is computed on a finer grid than it is sampled
@@ -90,6 +98,64 @@ def simulate_trial(
     )
 
 
+def simulate_convex(
+    exponent: float = 1.5,
+    *,
+    rate_hz: float = 100.0,
+    seed: int = 0,
+    depth_mm: float = 0.4,
+    ramp_s: float = 0.1,
+    hold_s: float = 7.0,
+    times_s: tuple[float, float] = (2.279, 0.149),
+    shares: tuple[float, float] = (0.371, 0.294),
+    k0: float = 120.0,
+    signal_to_noise: float = 200.0,
+    uneven: bool = False,
+) -> Trial:
+    """Return a trial of another laboratory: no servo, any rate, a punch whose force grows as depth^exponent.
+
+    It begins at rest 0.3 mm in the air, at an instant that falls between two samples.
+    """
+    rng = np.random.default_rng([41, seed])
+    air_mm, start_s = 0.3, 1.0 + float(rng.uniform(0.0, 1.0 / rate_hz))
+    touch_s = start_s + air_mm * ramp_s / depth_mm
+    corners_s = [0.0, start_s, touch_s + ramp_s, touch_s + ramp_s + hold_s]
+    places_mm = [0.0, 0.0, air_mm + depth_mm, air_mm + depth_mm]
+    n = int(corners_s[-1] * rate_hz)
+    time_s = np.arange(n) / rate_hz
+    if uneven:
+        time_s = time_s + rng.uniform(-0.3, 0.3, n) / rate_hz
+        time_s -= time_s[0]
+    fine_s = np.unique(np.concatenate([time_s, corners_s[1:3], np.linspace(touch_s, touch_s + ramp_s, 4001)]))
+    depth = np.maximum(np.interp(fine_s, corners_s, places_mm) - air_mm, 0.0)
+    level = depth_mm * (depth / depth_mm) ** exponent
+    force = k0 * level
+    for share, tau_s in zip(shares, times_s, strict=True):
+        force = force + share * k0 * arm_response(level, fine_s, tau_s)
+    force_mn = np.interp(time_s, fine_s, force)
+    force_mn = force_mn + rng.normal(size=n) * force_mn.max() / signal_to_noise
+    position_mm = np.interp(time_s, corners_s, places_mm)
+    marks = [0, *(int(np.ceil(at * rate_hz)) for at in corners_s[1:3]), n]
+    phases = tuple(
+        Phase(*row) for row in zip(("approach", "ramp", "hold"), marks[:-1], marks[1:], strict=True)
+    )
+    return Trial(
+        trial_id=f"convex-{seed}",
+        started="2026-01-31T12:00:00+01:00",
+        kind="ramp_hold_retract",
+        source="imported",
+        status="complete",
+        sample_rate_hz=rate_hz,
+        position_v=position_mm,
+        force_v=force_mn,
+        command_v=None,
+        calibration=Calibration(1.0, 0.0, 1.0, 0.0, 1.0, 0.0),
+        phases=phases,
+        native=NativeSamples(time_s, position_mm, force_mn) if uneven else None,
+        path=f"convex-{seed}.h5",
+    )
+
+
 def with_force(trial: Trial, force_mn: np.ndarray) -> Trial:
     """Return the trial with another force."""
     return replace(trial, force_v=force_mn * trial.calibration.volts_per_mn + trial.calibration.force_zero_v)
@@ -99,6 +165,12 @@ def with_force(trial: Trial, force_mn: np.ndarray) -> Trial:
 def simulate() -> Callable[..., Trial]:
     """Function that simulates a trial; see `simulate_trial`."""
     return simulate_trial
+
+
+@pytest.fixture(scope="session")
+def convex() -> Callable[..., Trial]:
+    """Function that simulates a trial of another laboratory; see `simulate_convex`."""
+    return simulate_convex
 
 
 @pytest.fixture(scope="session")

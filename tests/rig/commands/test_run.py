@@ -25,7 +25,7 @@ PROTOCOL = """
 kind = "ramp_hold_retract"
 [surface]
 start_mm = 2.9
-approach_speed_mm_s = 3.0
+approach_speed_mm_s = 2.0
 [indentation]
 depth_mm = 0.3
 dwell_s = 0.3

@@ -11,8 +11,15 @@ from hypothesis import strategies as st
 
 from rig.hardware import retreat
 from rig.hardware.daq import Card
-from rig.hardware.errors import SamplesLostError
-from rig.hardware.retreat import Retreat, bring_to_safety, commanded_by_loopback_mm, straight_mm
+from rig.hardware.errors import RetreatFailedError, SamplesLostError
+from rig.hardware.retreat import (
+    Bearings,
+    Retreat,
+    RetreatWatch,
+    bring_to_safety,
+    output_now_v,
+    straight_mm,
+)
 from rig.settings.rig_file import CalibrationSettings, CardSettings, LeverSettings
 
 CALIBRATION = CalibrationSettings().nominal()
@@ -27,11 +34,57 @@ def test_a_straight_way_keeps_its_ends_and_its_speed(from_mm: float, to_mm: floa
     assert np.abs(np.diff(way_mm)).max() * 8000.0 <= speed_mm_s * (1 + 1e-6) + 1e-9
 
 
-def test_a_loopback_far_from_the_position_is_not_believed() -> None:
-    c, lever = CALIBRATION, LeverSettings()
-    near_v = 5.2 * c.command_volts_per_mm + c.command_zero_v
-    assert commanded_by_loopback_mm(near_v, 5.0, c, lever) == pytest.approx(5.2)
-    assert commanded_by_loopback_mm(0.0, 9.0, c, lever) == 9.0
+def volts(mm: float) -> float:
+    return mm * CALIBRATION.command_volts_per_mm + CALIBRATION.command_zero_v
+
+
+def where(position_mm: float, loopback_mm: float | None, bearings: Bearings | None = None) -> float:
+    seen = np.array([[volts(position_mm)], [0.0], [volts(loopback_mm or 0.0)]])
+    at_v = output_now_v(
+        seen, CALIBRATION, LeverSettings(), loopback_wired=loopback_mm is not None, bearings=bearings
+    )
+    return (at_v - CALIBRATION.command_zero_v) / CALIBRATION.command_volts_per_mm
+
+
+def test_the_loopback_says_where_the_output_is_unless_the_position_contradicts_it() -> None:
+    assert where(5.0, 5.2) == pytest.approx(5.2)
+    assert where(5.0, None) == pytest.approx(5.0)
+    with pytest.raises(RetreatFailedError, match="nobody knows"):
+        where(9.0, 4.9)
+
+
+def test_what_was_told_of_the_output_is_never_left() -> None:
+    told = Bearings(volts(2.0), volts(5.0), volts(0.5))
+    assert where(9.0, 4.9, told) == pytest.approx(4.9), "a dead position line does not matter"
+    assert where(4.8, 9.5, told) == pytest.approx(4.8), "nor does a dead loop-back"
+    assert where(9.0, 9.5, told) == pytest.approx(5.0)
+    assert where(9.0, None, told) == pytest.approx(5.0)
+
+
+@given(by_mm=st.sampled_from([-4.0, 0.3]), moved_mm=st.floats(-4.0, 0.09), rise_mn=st.floats(-500.0, 9.0))
+def test_a_way_to_safety_that_does_not_press_is_let_be(by_mm: float, moved_mm: float, rise_mn: float) -> None:
+    c = CALIBRATION
+    before = np.array([[volts(5.0)], [0.0]])
+    after = np.array([[volts(5.0 + moved_mm)], [rise_mn * c.volts_per_mn]])
+    RetreatWatch(before, by_mm * c.command_volts_per_mm, c).check(after)
+
+
+@pytest.mark.parametrize(
+    ("by_mm", "moved_mm", "rise_mn"), [(-4.0, 0.1, 25.0), (-4.0, 0.0, 25.0), (0.3, 0.2, 12.0)]
+)
+def test_a_way_to_safety_that_presses_is_stopped(by_mm: float, moved_mm: float, rise_mn: float) -> None:
+    c = CALIBRATION
+    before = np.array([[volts(5.0)], [0.0]])
+    after = np.array([[volts(5.0 + moved_mm)], [rise_mn * c.volts_per_mn]])
+    with pytest.raises(RetreatFailedError, match="lift it by hand"):
+        RetreatWatch(before, by_mm * c.command_volts_per_mm, c).check(after)
+
+
+def test_an_arm_that_flees_is_let_go_whatever_its_force_line_says() -> None:
+    c = CALIBRATION
+    before = np.array([[volts(5.0)], [0.0]])
+    after = np.array([[volts(4.8)], [400.0 * c.volts_per_mn]])
+    RetreatWatch(before, -4.0 * c.command_volts_per_mm, c).check(after)
 
 
 def test_the_arm_is_brought_from_anywhere(bench: Any) -> None:

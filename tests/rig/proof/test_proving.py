@@ -21,11 +21,15 @@ from rig.settings.reading import load_rig
 
 NULL_SEED = 3
 """The first case of every seed is a null: quick to draw."""
+STUDY = [
+    {"finger": "index", "site": str(i + 1), "repeat": 1, "depth_mm": depth_mm, "rest_s": 60.0}
+    for i, depth_mm in enumerate((0.2, 0.4))
+]
 
 
 def test_seals_come_before_and_fit_what_is_opened() -> None:
     told: list[tuple[int, str]] = []
-    with Keeper(1, NULL_SEED, lambda number, seal: told.append((number, seal))) as keeper:
+    with Keeper(1, NULL_SEED, STUDY, lambda number, seal: told.append((number, seal))) as keeper:
         assert told == [(0, keeper.seals[0])]
         (opened,) = keeper.open()
     assert hashlib.sha256(f"{opened.salt}\n{opened.text}".encode()).hexdigest() == told[0][1]
@@ -34,7 +38,7 @@ def test_seals_come_before_and_fit_what_is_opened() -> None:
 
 
 def test_settings_are_handed_out_once_and_never_after_opening() -> None:
-    with Keeper(1, NULL_SEED, lambda number, seal: None) as keeper:
+    with Keeper(1, NULL_SEED, STUDY, lambda number, seal: None) as keeper:
         service: Any = ServerProxy(keeper.address)
         assert json.loads(service.hand_out(0))["time"] == "virtual"
         with pytest.raises(Fault, match="handed out already"):
@@ -44,7 +48,7 @@ def test_settings_are_handed_out_once_and_never_after_opening() -> None:
 
 
 def test_a_second_bench_is_told_why_in_one_line() -> None:
-    with Keeper(1, NULL_SEED, lambda number, seal: None) as keeper:
+    with Keeper(1, NULL_SEED, STUDY, lambda number, seal: None) as keeper:
         service: Any = ServerProxy(keeper.address)
         service.hand_out(0)
         command = [sys.executable, *keeper.companion(0)[1:]]
@@ -55,7 +59,7 @@ def test_a_second_bench_is_told_why_in_one_line() -> None:
 
 
 def test_a_truth_that_does_not_fit_its_seal_voids_the_proof() -> None:
-    with Keeper(1, NULL_SEED, lambda number, seal: None) as keeper:
+    with Keeper(1, NULL_SEED, STUDY, lambda number, seal: None) as keeper:
         keeper.seals[0] = "0" * 64
         with pytest.raises(RigError, match="does not fit its seal"):
             keeper.open()
@@ -63,7 +67,7 @@ def test_a_truth_that_does_not_fit_its_seal_voids_the_proof() -> None:
 
 def test_a_keeper_that_ends_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(proof_keeper, "MODULE", "sim_hardware.no_such_module")
-    with pytest.raises(RigError, match="ended"), Keeper(1, 0, lambda number, seal: None):
+    with pytest.raises(RigError, match="ended"), Keeper(1, 0, STUDY, lambda number, seal: None):
         pass
 
 
@@ -93,6 +97,8 @@ def test_course_of_a_proof(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
             assert file.is_dir() or "tissue" not in file.read_text()
         return {"verdict": "no_mismatch", "mechanisms": [], "mismatch": [], "not_identifiable": []}, ""
 
+    planned = proof.planned
+    monkeypatch.setattr(proof, "planned", lambda path: planned(path)[:2])
     monkeypatch.setattr(proof, "run_protocol_file", record)
     monkeypatch.setattr(proof, "_diagnose", diagnose)
     page = proof.run_proof(cases=1, seed=NULL_SEED, out=out)
@@ -119,9 +125,24 @@ def test_a_bench_that_fails_is_counted_and_the_others_go_on(
     def record(protocol: Path, *, rig: Path, out: Path) -> Path:
         raise RigError("the card is gone; plug it in")
 
+    planned = proof.planned
+    monkeypatch.setattr(proof, "planned", lambda path: planned(path)[:2])
     monkeypatch.setattr(proof, "run_protocol_file", record)
     page = proof.run_proof(cases=1, seed=NULL_SEED, out=tmp_path / "proof")
     found = json.loads((tmp_path / "proof" / "proof.json").read_text())
     assert found["cases"][0]["failure"] == "recording failed: the card is gone; plug it in"
     assert found["figures"] == []
     assert "plug it in" in page.read_text()
+
+
+def test_the_keeper_is_told_the_study_that_will_be_recorded(tmp_path: Path) -> None:
+    """Twenty trials on five fingers, each at a site of its own, with rests of two to three minutes."""
+    study = tmp_path / "study.toml"
+    study.write_text(proof._STUDY.format(seed=4))
+    told = proof.planned(study)
+    assert len(told) == 20
+    assert len({(t["finger"], t["site"]) for t in told}) == 20
+    assert {t["finger"] for t in told} == {"thumb", "index", "middle", "ring", "little"}
+    assert sorted({t["depth_mm"] for t in told}) == [0.2, 0.4, 0.6, 0.8]
+    assert told[0]["rest_s"] == 0.0
+    assert all(120 <= float(t["rest_s"]) <= 180 for t in told[1:])

@@ -4,33 +4,30 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.stats import norm
 
 from analysis.errors import BadInputError
-from rig.proof import scores
-from rig.proof.figures import figures, ladder
-from rig.proof.page import is_right
-from rig.proof.scores import Outcome, read_truth
+from rig.proof import recovery, scores
+from rig.proof.figures import by_name, figures
+from rig.proof.scores import Outcome, is_right, read_truth
 
 TISSUE = {"k0_mn_per_mm": 120.0, "k1_mn_per_mm": 44.0, "tau1_s": 2.3, "k2_mn_per_mm": 35.0, "tau2_s": 0.15}
 
 
-def truth(*names: str, kind: str = "single", rung: float = 20.0) -> dict[str, Any]:
+def truth(*names: str, kind: str = "single") -> dict[str, Any]:
     hidden = [
         {
             "name": n,
             "in_library": True,
             "parameters": {"size_mn": 4.0},
             "phases": ["retract"],
-            "strength": rung,
+            "strength": 20.0,
         }
         for n in names
     ]
-    return {"number": 0, "kind": kind, "rung": rung, "noise": "white", "tissue": TISSUE, "hidden": hidden}
+    return {"number": 0, "kind": kind, "noise": "white", "skin": "living", "tissue": TISSUE, "hidden": hidden}
 
 
 def said(
@@ -91,69 +88,96 @@ def test_place_is_judged_by_the_largest_share() -> None:
 
 
 def test_recovery_and_coverage() -> None:
-    (found,) = scores.recoveries(opened(said("named", ("a",)), "a"))
+    (found,) = recovery.recoveries(opened(said("named", ("a",)), "a"))
     assert found.relative_error == pytest.approx(0.025)
     assert found.covered
-    assert not scores.recoveries(opened(said("named", ("b",)), "a"))
+    assert not recovery.recoveries(opened(said("named", ("b",)), "a"))
 
 
 def test_tissue_bias_is_the_worst_constant() -> None:
     outcome = opened(said("named", ("a",), k0=120.6), "a")
-    assert scores.tissue_bias(outcome, "baseline") == pytest.approx(0.1)
-    assert scores.tissue_bias(outcome, "improved") == pytest.approx(0.005)
-
-
-@given(st.floats(0.05, 0.95), st.floats(0.001, 0.2))
-def test_matched_test_is_inverted(power: float, level: float) -> None:
-    assert scores.matched_power(scores.matched_strength(power, level), level) == pytest.approx(power)
-
-
-def test_strength_of_half_and_most_detections_is_found_again() -> None:
-    """2000 detections drawn from a probit at ln 6 of width 0.3 tell both points to 1 %, one sigma."""
-    random = np.random.default_rng(3)
-    strengths = np.exp(random.uniform(np.log(2), np.log(20), 2000))
-    detected = random.random(2000) < norm.cdf(np.log(strengths / 6) / 0.3)
-    half = scores.strength_at(0.5, strengths.tolist(), detected.tolist())
-    most = scores.strength_at(0.9, strengths.tolist(), detected.tolist())
-    assert half == pytest.approx(6, rel=0.05)
-    assert most == pytest.approx(6 * np.exp(0.3 * norm.ppf(0.9)), rel=0.08)
-    assert scores.strength_at(0.5, [3.0, 5.0], [True, True]) is None
-
-
-def test_decibel() -> None:
-    assert scores.decibel(10.0) == pytest.approx(20.0)
+    assert recovery.tissue_bias(outcome, "baseline") == pytest.approx(0.1)
+    assert recovery.tissue_bias(outcome, "improved") == pytest.approx(0.005)
 
 
 def test_what_counts_as_right() -> None:
-    assert is_right(opened(said("no_mismatch"), kind="null", rung=0.0))
-    assert not is_right(opened(said("named", ("a",)), kind="null", rung=0.0))
+    assert is_right(opened(said("no_mismatch"), kind="null"))
+    assert not is_right(opened(said("named", ("a",)), kind="null"))
+    assert not is_right(opened(said("unknown"), kind="null"))
     assert is_right(opened(said("unknown"), "odd", kind="outside"))
+    assert not is_right(opened(said("unknown", ("a",)), "odd", kind="outside"))
     assert not is_right(opened(said("named", ("a",)), "odd", kind="outside"))
-    assert is_right(opened(said("no_mismatch"), "c", kind="absorbed", rung=0.0))
-    assert not is_right(opened(said("named", ("a",)), "c", kind="absorbed", rung=0.0))
+    assert is_right(opened(said("no_mismatch"), "c", kind="absorbed"))
+    assert not is_right(opened(said("named", ("a",)), "c", kind="absorbed"))
+    assert is_right(opened(said("one_of", ("b", "a")), "a"))
+    assert not is_right(opened(said("unknown", ("a",)), "a"))
     assert not is_right(opened(said("named", ("a",), ("x",)), "a"))
+    assert not is_right(opened(said("no_mismatch"), "a"))
+    assert is_right(opened(said("named", ("a",), ("b",), ("c",)), "a", "b", "c", kind="triple"))
+    assert not is_right(opened(said("named", ("a",), ("b",)), "a", "b", "c", kind="triple"))
 
 
-def test_figures_and_ladder_count() -> None:
+NAMES = st.sampled_from("abcdxyz")
+SETS = st.lists(st.lists(NAMES, min_size=1, max_size=3, unique=True).map(tuple), max_size=4)
+
+
+@settings(deadline=None)
+@given(st.sets(NAMES, min_size=1, max_size=3), SETS, st.sampled_from(["named", "one_of", "unknown"]))
+def test_the_scores_agree_with_each_other(names: set[str], sets: list[tuple[str, ...]], verdict: str) -> None:
+    """Whatever is said: all named implies all within; wrong and alone excludes a right first name; and so on."""
+    outcome = opened(said(verdict, *sets), *names)
+    if scores.all_named(outcome):
+        assert scores.all_within(outcome)
+        assert len(sets) >= len(names)
+    if scores.wrong_and_alone(outcome):
+        assert not scores.first_right(outcome)
+        assert scores.wrong_library_name(outcome)
+        assert not is_right(outcome)
+    if is_right(outcome):
+        assert scores.all_named(outcome)
+        assert not scores.spurious(outcome)
+    shuffled = opened(said(verdict, *reversed(sets)), *names)
+    for score in (scores.all_named, scores.all_within, scores.spurious, is_right):
+        assert score(shuffled) == score(outcome)  # the order decides nothing but the first name
+
+
+@settings(deadline=None)
+@given(SETS)
+def test_naming_what_is_there_is_right_and_naming_more_is_not(more: list[tuple[str, ...]]) -> None:
+    exactly = opened(said("named", ("p",), ("q", "r")), "p", "q")
+    assert is_right(exactly)
+    assert is_right(opened(said("named", ("p",), ("q", "r"), *more), "p", "q")) == (not more)
+
+
+@settings(deadline=None)
+@given(st.floats(0.5, 20.0), st.floats(0.01, 2.0))
+def test_an_interval_is_1_96_standard_errors(value: float, se: float) -> None:
+    report = said("named", ("a",))
+    report["mechanisms"][0]["parameters"]["size_mn"] = {"value": value, "se": se, "unit": "mN"}
+    (found,) = recovery.recoveries(opened(report, "a"))
+    assert found.covered == (abs(value - 4.0) <= 1.96 * se)
+    assert found.relative_error == pytest.approx(abs(value - 4.0) / 4.0)
+
+
+def test_figures_count() -> None:
     outcomes = [
-        opened(said("named", ("a",)), "a", rung=20.0),
-        opened(said("named", ("b",)), "a", rung=20.0),
-        opened(said("no_mismatch"), "a", rung=3.0),
-        opened(said("named", ("a",)), kind="null", rung=0.0),
+        opened(said("named", ("a",)), "a"),
+        opened(said("named", ("b",)), "a"),
+        opened(said("no_mismatch"), "a"),
+        opened(said("named", ("a",)), kind="null"),
+        opened(said("unknown", ("z",)), "odd", kind="outside"),
+        opened(said("named", ("a",), ("b",), ("c",), ("x",)), "a", "b", "c", kind="triple"),
     ]
-    weak, strong = ladder(outcomes)
-    assert (weak.cases, weak.detected) == (1, 0)
-    assert (strong.cases, strong.detected, strong.first, strong.within, strong.wrong_and_alone) == (
-        2,
-        2,
-        1,
-        1,
-        1,
-    )
+    (of_a,) = by_name(outcomes)
+    assert (of_a.cases, of_a.detected, of_a.first, of_a.within, of_a.wrong_and_alone) == (3, 2, 1, 1, 1)
     found = {f.what: f.value for f in figures(outcomes)}
     assert found["false alarms on nulls"] == "1 of 1 (100.0%)"
-    assert found["single, strength 20 and more: first name right"] == "1 of 2 (50.0%)"
-    assert found["single, any strength: wrong and alone"] == "1 of 3 (33.3%)"
+    assert found["single: first name right"] == "1 of 3 (33.3%)"
+    assert found["single: wrong and alone"] == "1 of 3 (33.3%)"
+    assert found["triples: all named"] == "1 of 1 (100.0%)"
+    assert found["triples: all named and nothing else"] == "0 of 1 (0.0%)"
+    assert found["outside the library: unknown"] == "1 of 1 (100.0%)"
+    assert found["outside the library: a wrong library name"] == "1 of 1 (100.0%)"
 
 
 def test_something_else_than_a_sealed_case_is_refused_in_one_line() -> None:

@@ -52,7 +52,7 @@ def test_the_published_study() -> None:
     kinds = [type(motion) for motion in trial.motions]
     assert kinds == [Approach, Stay, RampTo, Stay, Retract, Stay]
     assert [m.duration_s for m in trial.motions if isinstance(m, Stay)] == [2.0, 7.0, 0.5]
-    assert trial.motions[0] == Approach(1.0, 10.0, 8, 10, 24)
+    assert trial.motions[0] == Approach(1.0, 10.0, 8, 10, 24, force_margin_mn=12.0)
     assert trial.motions[2] == RampTo(0.2, 5.0)
 
 

@@ -133,9 +133,21 @@ def test_the_simulated_rig_differs_by_address_only() -> None:
     assert rig.calibration == RigFile().calibration
 
 
-def test_a_signal_may_come_with_its_sign_turned() -> None:
-    rig = parse_rig("[calibration]\nvolts_per_mn = -0.015\n", "rig.toml")
+def test_a_signal_may_come_with_its_sign_turned_where_the_lever_is_stated_so() -> None:
+    turned = "[calibration]\nvolts_per_mn = -0.015\n"
+    with pytest.raises(BadInputError, match=r"volts_per_mn = -0.015 is not within 20% of the lever's 0.015"):
+        parse_rig(turned, "rig.toml")
+    rig = parse_rig("[lever]\nnominal_volts_per_mn = -0.015\n" + turned, "rig.toml")
     assert rig.calibration.nominal().volts_per_mn == -0.015
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["volts_per_mm = 20.42", "command_volts_per_mm = -2.042", "volts_per_mn = 0.15", "volts_per_mn = 0.0005"],
+)
+def test_constants_that_are_no_such_levers_are_refused(line: str) -> None:
+    with pytest.raises(BadInputError, match="is not within 20%"):
+        parse_rig(f"[calibration]\n{line}\n", "rig.toml")
 
 
 def test_a_companions_settings_are_its_own() -> None:
@@ -185,6 +197,8 @@ def parses(text: str) -> bool:
             "travel_min_mm = 4.0\ntravel_max_mm = 4.5\nsafe_position_mm = 4.1",
             "depth_mm = 0.6: beyond this rig's travel",
         ),
+        ("depth_max_mm = 0.5", "depth_mm = 0.6: deeper than this rig's lever.depth_max_mm = 0.5"),
+        ("approach_speed_max_mm_s = 0.5", "surface.approach_speed_mm_s = 1: faster than"),
         ("force_max_mn = 8.0", "surface.contact_threshold_mn = 10: not below"),
     ],
 )

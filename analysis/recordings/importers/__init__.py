@@ -1,0 +1,1 @@
+"""What other programs recorded, read into drafts of trials: one module a format, and what they share."""

@@ -1,0 +1,153 @@
+"""Faults while the arm moves: how much the finger feels of them, judged by the bench itself."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+import pytest
+
+from analysis.recordings import read_trial
+from rig.engine.errors import ContactLostError, ContactTooEarlyError, OvershotError
+from rig.errors import RigError
+from rig.hardware.errors import LimitHit, LimitRefusedError
+
+BEFORE_CONTACT_MN = 25.0
+SURFACE = 'kind = "surface_detection"\n[surface]\nstart_mm = 2.5\n'
+ONE = (
+    'kind = "ramp_hold_retract"\n[surface]\nstart_mm = 2.5\n'
+    "[indentation]\ndepth_mm = 0.8\ndwell_s = 0.3\nhold_s = 1.0\n"
+)
+FORCE_DEAD = {"line": "force", "gain": 0.0}
+
+
+def test_a_good_run_is_within_what_the_protocol_asks_for(bench: Any) -> None:
+    trial = read_trial(bench.run(ONE))
+    assert trial.status == "complete"
+    assert bench.largest_force_mn() == pytest.approx(trial.force_mn.max(), rel=0.05)
+    assert bench.clear
+
+
+@pytest.mark.parametrize("state", ["approaching", "dwelling", "ramping", "holding"])
+def test_a_force_line_that_goes_dead_reverses_the_arm(bench: Any, witness: Any, state: str) -> None:
+    bench.run(ONE, name="good")
+    asked_mn = bench.largest_force_mn()
+    seen = witness(state, lambda: bench.fault("wire", **FORCE_DEAD))
+    with pytest.raises(LimitHit, match="the force signal went dead"):
+        bench.run(ONE, witness=seen)
+    allowed_mn = BEFORE_CONTACT_MN if state == "approaching" else asked_mn + 15.0
+    assert bench.largest_force_mn() < allowed_mn
+    assert bench.clear
+    assert read_trial(next((bench.folder / "out").glob("*.h5"))).status == "aborted"
+
+
+@pytest.mark.parametrize("line", ["position", "loopback"])
+@pytest.mark.parametrize("state", ["approaching", "holding", "retracting"])
+def test_a_line_that_goes_dead_does_not_press_the_finger(
+    bench: Any, witness: Any, state: str, line: str
+) -> None:
+    bench.run(ONE, name="good")
+    asked_mn = bench.largest_force_mn()
+    seen = witness(state, lambda: bench.fault("wire", line=line, gain=0.0))
+    with pytest.raises(RigError, match=r"lift it by hand|limit hit|loopback_channel"):
+        bench.run(ONE, witness=seen)
+    allowed_mn = BEFORE_CONTACT_MN if state == "approaching" else asked_mn + 15.0
+    assert bench.largest_force_mn() < allowed_mn
+    assert bench.clear
+
+
+def test_a_force_that_is_cut_off_is_no_force(bench: Any, witness: Any) -> None:
+    bench.run(ONE, name="good")
+    asked_mn = bench.largest_force_mn()
+    bench.fault("wire", line="force", high_v=0.9)
+    with pytest.raises(LimitHit, match="went dead"):
+        bench.run(ONE)
+    assert bench.largest_force_mn() < asked_mn + 15.0
+    assert bench.clear
+
+
+def test_what_is_met_on_the_way_to_the_start_stops_the_arm(bench: Any) -> None:
+    # the skin of this bench lies between 3 and 6 mm
+    with pytest.raises(ContactTooEarlyError, match="the arm met something"):
+        bench.run(SURFACE.replace("2.5", "8.0"))
+    assert 10.0 < bench.largest_force_mn() < BEFORE_CONTACT_MN
+    assert bench.clear
+
+
+def test_a_surface_that_is_overshot_by_too_much_is_no_trial(bench: Any) -> None:
+    with pytest.raises(OvershotError, match="overshot by"):
+        bench.run(ONE, rig=bench.rig_toml("[lever]\novershoot_max_um = 0.5\n"))
+    assert read_trial(next((bench.folder / "out").glob("*.h5"))).status == "aborted"
+    assert bench.clear
+
+
+def test_a_ramp_does_not_run_backwards(bench: Any) -> None:
+    with pytest.raises(OvershotError, match="deeper than the depth"):
+        bench.run(ONE.replace("0.8", "0.0005"))
+    assert bench.clear
+
+
+def test_the_surface_that_was_found_says_how_deep_the_arm_may_go(bench: Any, witness: Any) -> None:
+    rig = bench.rig_toml("[lever]\ndepth_max_mm = 0.3\n")
+    from rig.settings import reading
+
+    checked = reading.check_protocol_on_rig
+    assert checked is not None
+    with pytest.raises(LimitRefusedError, match=r"lever\.depth_max_mm allows below the surface found"):
+        _run_unchecked(bench, rig)
+    assert bench.clear
+
+
+def _run_unchecked(bench: Any, rig: str) -> None:
+    from rig.engine.interrupts import Interrupts
+    from rig.engine.runner import Runner, Task
+    from rig.engine.session import open_bench
+    from rig.protocols.planning import plan_of
+    from rig.settings.reading import parse_protocol, parse_rig
+
+    plan = plan_of(parse_protocol(ONE, "test"), 0.5, ONE)
+    settings = parse_rig(rig, "rig.toml")
+    with open_bench(settings, settings.calibration.nominal()) as opened:
+        tasks = [Task(plan.trials[0], bench.folder / "one.h5")]
+        Runner(opened, Interrupts()).run(plan, tasks, bench.folder)
+
+
+def test_a_finger_that_leaves_in_the_hold_is_seen(bench: Any, witness: Any) -> None:
+    seen = witness("holding", lambda: bench.call("request", "remove_finger", {}))
+    with pytest.raises(ContactLostError, match="left the punch in the hold"):
+        bench.run(ONE, witness=seen)
+    assert read_trial(next((bench.folder / "out").glob("*.h5"))).status == "aborted"
+
+
+@pytest.mark.parametrize("stall_s", [0.05, 0.3, 1.5])
+def test_a_card_server_that_stands_still_in_the_approach(
+    real_bench: Any, witness: Any, stall_s: float
+) -> None:
+    def stall() -> None:
+        threading.Timer(0.6, lambda: real_bench.fault("stall", duration_s=stall_s)).start()
+
+    path = real_bench.run(SURFACE, witness=witness("approaching", stall))
+    trial = read_trial(path)
+    assert trial.status == "complete"
+    assert trial.surface is not None
+    assert trial.surface.overshoot_um < 60.0
+    assert real_bench.largest_force_mn() < BEFORE_CONTACT_MN
+    assert real_bench.clear
+
+
+def test_a_long_hold_is_not_rewritten_with_the_punch_in_the_skin(bench: Any, witness: Any) -> None:
+    files: dict[str, int] = {}
+    path = bench.folder / "out" / "index_0.80mm.h5"
+
+    def note(name: str) -> None:
+        files[name] = path.stat().st_ino
+
+    seen = witness("approaching", lambda: note("approaching"))
+    later = witness("retracting", lambda: note("retracting"))
+    show = seen.show
+    seen.show = lambda snapshot: (show(snapshot), later.show(snapshot))  # type: ignore[assignment]
+    trial = read_trial(bench.run(ONE.replace("hold_s = 1.0", "hold_s = 60.0"), witness=seen))
+    assert files["approaching"] == files["retracting"]
+    dwell = trial.phase("dwell")
+    assert dwell is not None
+    assert (dwell.stop - dwell.start) / 8000.0 == pytest.approx(0.3, abs=0.06)

@@ -19,7 +19,7 @@ from rig.engine.states import State
 from rig.gui.habits import Habits
 from rig.gui.window import Window
 
-PATIENCE_MS = 20_000
+PATIENCE_MS = 60_000
 STUDY = """kind = "study"
 [study]
 fingers = ["index"]

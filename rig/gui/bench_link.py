@@ -26,6 +26,9 @@ _UNANSWERED_S = 3.0
 
 _LOST_SILENT_S = 4.0
 
+_OBEYS_S = 2.0
+"""A bench that has not begun to take the arm off the skin so long after an abort is ended: its guard then acts."""
+
 
 class BenchLink(QObject):
     """Pulls 30 times a second what the bench shows: samples into `bins`, snapshots into `state`.
@@ -217,6 +220,13 @@ class BenchLink(QObject):
             self._tell(replace(self.state, link="silent", trouble="the rig's program does not answer"))
             self.said.emit("the rig's program does not answer; its guard acts by itself", "bad")
         now = time.monotonic()
+        if self._aborted_at is not None and now - self._aborted_at > _OBEYS_S:
+            if self.state.running and self.state.snapshot.state is not State.LEAVING:
+                self.said.emit(
+                    "the rig's program does not obey: it is ended, its guard takes the arm clear", "bad"
+                )
+                process.end_frozen()
+            self._aborted_at = None
         for request_id, (do, asked_at) in list(self._asked.items()):
             if now - asked_at > _UNANSWERED_S:
                 del self._asked[request_id]

@@ -59,7 +59,7 @@ class StudyCommands:
             self._say("start: choose a protocol first", "note")
             return
         bench = self._link.state.snapshot.bench
-        told = "" if bench is None or bench.simulated else reminder(bench.calibrations)
+        told = "" if bench is None else reminder(bench.calibrations, simulated=bench.simulated)
         if told:
             self._ask(
                 self._shell,

@@ -222,7 +222,7 @@ def _situations(window: Window) -> list[tuple[Callable[[], Any], Callable[[], An
         (page("Live", combo), nothing),
         (lambda: (combo.showPopup(), combo.view())[1], combo.hidePopup),  # type: ignore[union-attr]
         (page("Study", study._view), nothing),
-        (lambda: (study._bar.show(), study._reason.lineEdit())[1], study._bar.hide),
+        (lambda: (study._bar.show(), study._bar.field)[1], study._bar.hide),
         (page("Log", window.log.view), nothing),
         (page("Trials", trials), nothing),
         (page("Calibrate", window.calibration._start), nothing),
@@ -241,7 +241,7 @@ def test_discard_restore_and_repeat(drive: Driver) -> None:
     window.study._view.selectRow(0)
     drive.press(Qt.Key.Key_D, Qt.KeyboardModifier.ControlModifier)
     assert window.study._bar.isVisible()
-    QTest.keyClick(window.study._reason.lineEdit(), Qt.Key.Key_Return)
+    QTest.keyClick(window.study._bar.field, Qt.Key.Key_Return)
     window.study._view.selectRow(0)
     drive.press(Qt.Key.Key_R, Qt.KeyboardModifier.ControlModifier)
     drive.until(drive.at_rest)

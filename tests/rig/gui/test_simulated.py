@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 from rig.gui.simulated import rig_for_the_window
@@ -45,3 +47,12 @@ def test_others_are_left_alone(tmp_path: Path) -> None:
     assert rig_for_the_window(tmp_path / "none.toml", tmp_path) == tmp_path / "none.toml"
     real.write_text("not [ toml")
     assert rig_for_the_window(real, tmp_path) == real
+
+
+def test_a_run_without_a_window_never_loads_qt() -> None:
+    code = (
+        "import sys, rig.cli, rig.commands.run, rig.engine.serving, rig.gui.runner_process; "
+        "print([name for name in sys.modules if name.startswith(('PySide6', 'pyqtgraph'))])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

@@ -122,8 +122,10 @@ class Runner:
             self._idle.end()
             self._leave()
             said = " ".join(str(error).split())
-            telling.change(error=said, message=said, prompt=None, rest_left_s=0.0, file="")
-            telling.enter(State.STOPPED if isinstance(error, KeyboardInterrupt) else State.FAILED)
+            stopped = isinstance(error, KeyboardInterrupt)
+            fault = "" if stopped else said
+            telling.change(error=fault, message=said, prompt=None, rest_left_s=0.0, file="")
+            telling.enter(State.STOPPED if stopped else State.FAILED)
             raise
         self._idle.end()
         telling.say("")
@@ -225,11 +227,15 @@ class Runner:
                 telling.found(motions.surface)
             n = recorder.n
         except BaseException:
-            recorder.cut_short()
+            # of a trial that is cut short, all that was fetched is kept
+            filing.end(None, None if lever.loopback_wired else recorder.command_v)
+            try:
+                self._leave()  # the arm first: what is written of it waits for the disk
+            finally:
+                recorder.cut_short()
             raise
         finally:
             telling.mark(END, recorder.n, recorder.n)
-            # of a trial that is cut short, all that was fetched is kept
             filing.end(n, None if lever.loopback_wired else recorder.command_v)
         if motions.surface is not None:
             self._contact_mm = motions.surface.position_mm

@@ -68,6 +68,7 @@ class StudyTable(QAbstractTableModel):
         super().__init__()
         self.rows: list[StudyRow] = []
         self._place: dict[str, int] = {}
+        self._told: tuple[Ended, ...] = ()
         self._theme = LIGHT
 
     def load(self, trials: Sequence[PlannedTrial]) -> None:
@@ -100,12 +101,11 @@ class StudyTable(QAbstractTableModel):
             self._change(name, state=state, file=header.path, quality=header.discarded)
 
     def take_snapshot(self, snapshot: Snapshot) -> None:
-        """Take what a run says: what has ended, and what is under way."""
+        """Take what a run says that it has not said before: what has ended, and what is under way."""
         folder = Path(snapshot.out)
-        latest: dict[str, Ended] = {}
-        for ended in snapshot.ended:
-            latest[ended.trial] = ended
-        for name, ended in latest.items():
+        fresh_ends = newly(self._told, snapshot.ended)
+        self._told = snapshot.ended
+        for name, ended in ((ended.trial, ended) for ended in fresh_ends):
             place = self._place.get(name)
             if place is None:
                 continue
@@ -210,6 +210,15 @@ class StudyTable(QAbstractTableModel):
 _UNDER_WAY: Mapping[str, State] = {
     str(state): state for state in State if state not in AT_REST and state is not State.SAVED
 }
+
+
+def newly(before: tuple[Ended, ...], now: tuple[Ended, ...]) -> tuple[Ended, ...]:
+    """Return what a list, to which is added at the end and dropped at the beginning, holds that is new."""
+    for dropped in range(len(before) + 1):
+        kept = len(before) - dropped
+        if before[dropped:] == now[:kept]:
+            return now[kept:]
+    return now
 
 
 def _cells(row: StudyRow) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
@@ -86,6 +87,12 @@ def test_the_window_is_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
             )
             file = out / "001_index_0.40mm_r1.h5"
             until(lambda file=file: file.exists(), 120)
+            # of a trial that is ended before its first sample there is nothing to keep
+            until(
+                lambda: bench.control.call("arm")["position_mm"] > 2.6,
+                60,
+                lambda: (tmp_path / "logs" / "window.log").read_text()[-2000:],
+            )
             runner = psutil.Process(announcements()[0].pid)
             time.sleep(random.uniform(0.0, 5.5))
             in_skin += bool(bench.control.call("arm")["in_contact"])
@@ -111,9 +118,9 @@ def test_the_window_is_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     )
 
 
-def until(condition: object, patience_s: float) -> None:
-    """Wait for a condition."""
+def until(condition: Callable[[], object], patience_s: float, why: Callable[[], object] = lambda: "") -> None:
+    """Wait for a condition; ``why`` says what may have kept it from coming."""
     deadline = time.monotonic() + patience_s
-    while not condition():  # type: ignore[operator]
-        assert time.monotonic() < deadline
+    while not condition():
+        assert time.monotonic() < deadline, why()
         time.sleep(0.005)

@@ -52,7 +52,7 @@ def test_live_view_for_long(
     qtbot.waitUntil(lambda: window.link.state.link == "open" and state() is State.IDLE, timeout=90_000)
     assert window.study.load(tmp_path / "long.toml", tmp_path / "out")
     window.study.by_bench.setChecked(True)
-    window.start()
+    window.commands.start()
     window.shell.show_page("Live")
     qtbot.waitUntil(lambda: state() is State.HOLDING, timeout=90_000)
 

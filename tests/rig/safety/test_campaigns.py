@@ -23,7 +23,7 @@ import pytest
 
 from analysis.errors import BadInputError
 from analysis.recordings import read_trial
-from analysis.recordings.rescue import rescue_paths
+from analysis.recordings.live.rescue import rescue_paths
 
 FAULTS = int(os.environ.get("FAULTS", "300"))
 STALLS = int(os.environ.get("STALLS", "100"))

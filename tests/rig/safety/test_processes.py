@@ -13,9 +13,9 @@ from typing import Any
 
 import h5py
 import pytest
-from analysis.recordings.rescue import rescue_paths
 
 from analysis.recordings import read_trial
+from analysis.recordings.live.rescue import rescue_paths
 from rig.hardware.errors import GuardError
 
 HOLD = (

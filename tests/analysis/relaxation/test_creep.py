@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from analysis.recordings.trial import Calibration, Event, Phase, Trial
 from analysis.relaxation.creep import solid_of
 from analysis.relaxation.fit import fit_trial
+from analysis.relaxation.prediction import fitted_curve
 from analysis.relaxation.response import arm_response, force_response
 
 ARMS = ((44.52, 2.279), (35.28, 0.149))  # stiffness, time
@@ -76,6 +77,7 @@ def test_the_solid_is_found_from_its_creep(rate_hz: float, exponent: float):
     row = fit_trial(creeping(1, rate_hz, exponent), exponent=exponent if exponent != 1.0 else None)
     assert row.fitted, row.failure
     assert row.creep
+    assert np.isnan(fitted_curve(creeping(1, rate_hz, exponent), row).fitted_mn).all()
     assert "no phase named hold" in row.flags
     for name, value in (("t1_s", 2.279), ("t2_s", 0.149), ("A1_over_A0", 0.371), ("A2_over_A0", 0.294)):
         estimate = row.estimates[name]

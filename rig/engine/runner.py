@@ -14,7 +14,8 @@ from analysis.recordings.trial import Specimen
 from rig.engine.bench import Bench
 from rig.engine.filing import Filing, TrialFile
 from rig.engine.interrupts import Interrupts
-from rig.engine.motions import TrialMotions, move_to
+from rig.engine.motions import TrialMotions
+from rig.engine.positioning import move_to
 from rig.engine.preparing import Preparations, Prepared
 from rig.engine.progress import Countdown, Snapshot
 from rig.engine.recorder import Recorder

@@ -8,7 +8,6 @@ from typing import Any
 
 from rig.hardware.errors import OperatorError
 
-
 _TIMEOUT_S = 120.0
 """No request of a hand or a clock is answered later: whoever asks waits with the arm clear, and not for ever."""
 

@@ -19,7 +19,8 @@ from rig.engine.control import Control, Skipped
 from rig.engine.filing import Filing, TrialFile
 from rig.engine.idling import Idling, Nothing
 from rig.engine.interrupts import CutShort, Interrupts
-from rig.engine.motions import TrialMotions, move_to
+from rig.engine.motions import TrialMotions
+from rig.engine.positioning import move_to
 from rig.engine.preparing import Preparations, Prepared
 from rig.engine.progress import CalibrationShown, Snapshot
 from rig.engine.recorder import Recorder

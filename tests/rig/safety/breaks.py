@@ -76,7 +76,7 @@ BREAKS = (
     ),
     Break(
         "threshold of air collision x100",
-        "rig/engine/motions.py",
+        "rig/engine/positioning.py",
         "ContactDetector(threshold_mn, *_MET)",
         "ContactDetector(100 * threshold_mn, *_MET)",
         SAFETY + "test_motions.py::test_what_is_met_on_the_way_to_the_start_stops_the_arm",

@@ -28,6 +28,8 @@ from rig.gui.controls import say, words
 WIDTH = 280
 _AVERAGED_S = 0.02
 _REQUEST_OF = {
+    "Start": "run",
+    "Stop": "stop",
     "Pause": "pause",
     "Go on": "go_on",
     "Skip rest": "skip",

@@ -116,9 +116,11 @@ class StudyTable(QAbstractTableModel):
             fresh = {} if row.file == file else {"a0_mn": None, "t1_s": None, "t2_s": None, "raised": False}
             quality = ended.reason if ended.outcome != "complete" else (row.quality if not fresh else "")
             self._change(name, state=ended.outcome, file=file, quality=quality, **fresh)
+        last = snapshot.ended[-1].trial if snapshot.ended else ""
         for row in self.rows:
             under_way = snapshot.state not in AT_REST and row.name == snapshot.trial
-            if under_way and snapshot.state is not State.SAVED:
+            # what it ended as stands until it is recorded again
+            if under_way and (row.name != last or snapshot.file):
                 self._change(row.name, state=str(snapshot.state))
             elif not under_way and row.state in _UNDER_WAY:
                 self._change(row.name, state="to do")
@@ -207,9 +209,7 @@ class StudyTable(QAbstractTableModel):
             self.dataChanged.emit(self.index(place, 0), self.index(place, len(_COLUMNS) - 1))
 
 
-_UNDER_WAY: Mapping[str, State] = {
-    str(state): state for state in State if state not in AT_REST and state is not State.SAVED
-}
+_UNDER_WAY: Mapping[str, State] = {str(state): state for state in State if state not in AT_REST}
 
 
 def newly(before: tuple[Ended, ...], now: tuple[Ended, ...]) -> tuple[Ended, ...]:

@@ -141,13 +141,19 @@ class Window(QMainWindow):
             splitter.setSizes([3 * splitter.width() // 5, 2 * splitter.width() // 5])
         self.resize(1366, 728)
 
+    def close_now(self) -> None:
+        """Close without a question: what runs is stopped, the arm taken clear. Done once."""
+        self._may_close = True
+        if self.isVisible():
+            self.close()
+
     # Qt's own calls
 
     def closeEvent(self, event: QCloseEvent) -> None:  # noqa: N802
         """Close; while a run goes on, only after a question."""
         if self.link.state.running and not self._may_close:
             event.ignore()
-            choices: Choices = {"Stay": lambda: None, "Stop the run and close": self._close_anyway}
+            choices: Choices = {"Stay": lambda: None, "Stop the run and close": self.close_now}
             self._ask(self, "Close", "A run is in progress. Closing stops it; its trials are kept.", choices)
             return
         self._keep_layout()
@@ -280,7 +286,3 @@ class Window(QMainWindow):
             self.restoreGeometry(QByteArray(kept))
         for name, splitter in self.shell.splitters().items():
             restored(splitter, self.habits.layout(name))
-
-    def _close_anyway(self) -> None:
-        self._may_close = True
-        self.close()

@@ -51,6 +51,20 @@ def test_what_is_under_way_and_what_has_ended(table: StudyTable) -> None:
     assert Path(table.rows[0].file) == Path(f"/s/{FIRST}.h5")
 
 
+def test_what_it_ended_as_stands_until_it_is_recorded_again(table: StudyTable) -> None:
+    cut = (Ended(FIRST, f"{FIRST}.h5", "cut short"),)
+    for state in (State.LEAVING, State.SAVED, State.PAUSED, State.PREPARING):
+        table.take_snapshot(Snapshot("study", state, FIRST, out="/s", ended=cut))
+        assert states(table)[0] == "cut short"
+    again = f"{FIRST}_again2.h5"
+    table.take_snapshot(Snapshot("study", State.HOLDING, FIRST, out="/s", ended=cut, file=again))
+    assert states(table)[0] == "holding"
+    ended = (*cut, Ended(FIRST, again, "complete"))
+    table.take_snapshot(Snapshot("study", State.LEAVING, FIRST, out="/s", ended=ended))
+    table.take_snapshot(Snapshot("study", State.PREPARING, SECOND, out="/s", ended=ended))
+    assert states(table) == ["complete", "preparing"]
+
+
 def test_what_was_said_before_does_not_undo_what_has_been_done_since(table: StudyTable) -> None:
     ended = (Ended(FIRST, f"{FIRST}.h5", "complete"),)
     idle = Snapshot("study", State.IDLE, out="/s", ended=ended)

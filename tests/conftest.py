@@ -33,6 +33,8 @@ loopback_channel = "ai2"
 address = "companion:control"
 [clock]
 address = "companion:control"
+[guard]
+heartbeat_timeout_s = 5.0             # these tests share their computer with others
 [companion]
 command = ["{python}", "-m", "sim_hardware"]
 [companion.settings]

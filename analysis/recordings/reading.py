@@ -55,7 +55,7 @@ def read_unchecked(path: Path, *, cut: bool = False) -> Trial:
     `cut` says that the file lacks its end, whatever its status: NaN at the end of a signal is left away.
     """
     with open_file(path) as file:
-        refuse_foreign_storage(path, file)
+        refuse_foreign_storage(path, file, cut=cut)
         with access(path, "the file's structure"):
             root = attributes_in(path, file, "/")
             signals = group_of(path, file, "signals")

@@ -55,6 +55,8 @@ address = "companion:card"
 {card}
 [lever]
 {lever}
+[guard]
+heartbeat_timeout_s = 5.0
 [companion]
 command = ["{{python}}", "-m", "sim_hardware"]
 [companion.settings]

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from PySide6.QtCore import QObject, QTimer, Signal
+from shiboken6 import isValid
 
 from rig.gui.jobs.warming import warm_up
 from rig.gui.lane import Job, Lane
@@ -87,7 +88,15 @@ class Worker(QObject):
     def _look(self) -> None:
         for lane in (self._quick, self._long):
             for outcome in lane.outcomes():
+                if not _asker_stands(outcome.job.then):
+                    continue
                 if outcome.problem:
                     outcome.job.failed(outcome.problem)
                 else:
                     outcome.job.then(outcome.result)
+
+
+def _asker_stands(then: Callable[[Any], object]) -> bool:
+    """Whether who is to be called back is still there: a page may go while its job runs."""
+    asker = getattr(getattr(then, "func", then), "__self__", None)
+    return not isinstance(asker, QObject) or isValid(asker)

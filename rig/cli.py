@@ -62,8 +62,13 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _failed(code: int, error: BaseException | str) -> int:
-    print("indenter:", " ".join(str(error).split()), file=sys.stderr)
+    print("indenter:", _plain(" ".join(str(error).split())), file=sys.stderr)
     return code
+
+
+def _plain(text: str) -> str:
+    """Return text that may come from a stranger's file without what a terminal would obey."""
+    return "".join(character if character.isprintable() else "\ufffd" for character in text)
 
 
 def _demo(given: argparse.Namespace) -> None:
@@ -82,7 +87,7 @@ def _run(given: argparse.Namespace) -> None:
     if given.protocol is None:
         raise BadInputError("indenter run: no protocol file: give one, or --example DIR to get some")
     out = given.out or Path(given.protocol.stem)
-    print(run_protocol_file(given.protocol, rig=given.rig, out=out))
+    print(run_protocol_file(given.protocol, rig=given.rig, out=out, accept=given.accept))
 
 
 def _calibrate(given: argparse.Namespace) -> None:
@@ -134,6 +139,16 @@ def _fit(given: argparse.Namespace) -> None:
     print(page)
 
 
+def _export(given: argparse.Namespace) -> None:
+    from analysis.export.exporting import export_trials
+
+    done = export_trials(given.paths, given.to, given.out)
+    for path in done.written:
+        print(path)
+    for _, reason in done.left_out:
+        print("indenter: left out:", " ".join(reason.split()), file=sys.stderr)
+
+
 def _diagnose(given: argparse.Namespace) -> None:
     from analysis.mismatch.diagnose import diagnose_paths
 
@@ -155,7 +170,7 @@ def _rescue(given: argparse.Namespace) -> int:
     outcomes = rescue_paths(given.paths)
     for outcome in outcomes:
         unreadable = outcome.result == "unreadable"
-        print(f"{outcome.path}: {outcome.action}", file=sys.stderr if unreadable else sys.stdout)
+        print(_plain(f"{outcome.path}: {outcome.action}"), file=sys.stderr if unreadable else sys.stdout)
     return EXIT_BAD_INPUT if all(outcome.result == "unreadable" for outcome in outcomes) else EXIT_OK
 
 
@@ -172,6 +187,12 @@ def _fingertip(given: argparse.Namespace) -> None:
 
     if given.what == "example":
         print(commands.write_example(given.folder))
+    elif given.what == "compare":
+        motion = {"depth_mm": given.depth, "speed_mm_s": given.speed, "hold_s": given.hold}
+        print(commands.compare_surface(given.surface, out=given.out, cache=given.cache, **motion))
+    elif given.what == "receptor":
+        depths = {"shallowest_mm": given.shallowest, "deepest_mm": given.deepest}
+        print(commands.predict_receptor(out=given.out, rates=given.rates, cache=given.cache, **depths))
     else:
         print(
             commands.calibrate_pads(
@@ -199,6 +220,7 @@ _COMMANDS: dict[str, Callable[[argparse.Namespace], int | None]] = {
     "safe": _safe,
     "import": _import,
     "fit": _fit,
+    "export": _export,
     "diagnose": _diagnose,
     "prove": _prove,
     "rescue": _rescue,
@@ -238,6 +260,12 @@ def _add_bench_commands(commands: argparse._SubParsersAction[_OneLineParser]) ->
     )
     run.add_argument(
         "--example", type=Path, metavar="DIR", help="write rig and protocol files, every key explained"
+    )
+
+    run.add_argument(
+        "--accept",
+        action="store_true",
+        help="go on with a calibration that has expired, or that differs from the study's",
     )
 
     calibrate = commands.add_parser("calibrate", help="measure the constants of position or force")
@@ -313,6 +341,11 @@ def _add_analysis_commands(commands: argparse._SubParsersAction[_OneLineParser])
     fit.add_argument("--joint", action="store_true", help="one solid for all trials of a finger as well")
     fit.add_argument("--dask", metavar="ADDRESS", help="send the trials to this Dask scheduler")
 
+    export = commands.add_parser("export", help="trials and fits for other programs: CSV, NWB, Parquet")
+    export.add_argument("paths", type=Path, nargs="+", metavar="FILE|DIR")
+    export.add_argument("--to", required=True, choices=("csv", "nwb", "parquet"))
+    export.add_argument("--out", type=Path, required=True, metavar="OUT", help="folder of what is written")
+
     diagnose = commands.add_parser(
         "diagnose", help="compare simulation and recordings; name what was left out"
     )
@@ -343,6 +376,23 @@ def _add_fingertip_commands(commands: argparse._SubParsersAction[_OneLineParser]
     calibrate.add_argument("--pad", type=Path, metavar="pad.toml", help="without it, the pad that ships")
     calibrate.add_argument("--finger", help="only the trials of this finger")
     _add_pad_folders(calibrate)
+
+    compare = parts.add_parser(
+        "compare", help="a measured surface beside the calibrated pads: which ratio fits"
+    )
+    compare.add_argument("surface", type=Path, metavar="SURFACE.csv", help="position_mm, deflection_mm")
+    compare.add_argument("--depth", type=_positive, default=0.5, metavar="MM", help="of the line")
+    compare.add_argument("--speed", type=_positive, default=0.5, metavar="MM_S", help="of the line")
+    compare.add_argument(
+        "--hold", type=_positive, default=3.0, metavar="S", help="until the surface was measured"
+    )
+    _add_pad_folders(compare)
+
+    receptor = parts.add_parser("receptor", help="strain energy at a receptor under a plate, over time")
+    receptor.add_argument("--rates", type=Path, metavar="RATES.csv", help="time_s, rate_hz of a receptor")
+    receptor.add_argument("--shallowest", type=_positive, default=0.4, metavar="MM")
+    receptor.add_argument("--deepest", type=_positive, default=1.0, metavar="MM")
+    _add_pad_folders(receptor)
 
 
 def _add_pad_folders(parser: argparse.ArgumentParser) -> None:

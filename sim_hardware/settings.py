@@ -156,6 +156,14 @@ class ConstantsSettings(_Frozen):
     zero_spread_v: float = Field(default=0.03, ge=0, le=0.5)
 
 
+class TlsSettings(_Frozen):
+    """Files (PEM) by which the card's server proves who it is, and refuses who does not."""
+
+    authority: str
+    certificate: str
+    key: str
+
+
 class FaultSettings(_Frozen):
     """A fault to order, ``at_s`` after the bench was started."""
 
@@ -194,6 +202,7 @@ class BenchSettings(_Frozen):
     seed: int = Field(default=1, ge=0, lt=2**63)
     time: Literal["real", "virtual"] = "real"
     loopback_wired: bool = True
+    tls: TlsSettings | None = None
     late_start_samples: int = Field(default=0, ge=0, le=80000)
     faults: tuple[FaultSettings, ...] = Field(default=(), strict=False)
     substeps: int = Field(default=4, ge=4, le=64)

@@ -39,8 +39,10 @@ def key_of(pad: PadFile, load: str, more: Mapping[str, Any]) -> str:
             settings["mesh"]["file"] = hashlib.sha256(pad.mesh.file.read_bytes()).hexdigest()
         except OSError as error:
             raise BadInputError(f"{pad.mesh.file}: can't be read: {error.strerror}") from error
-    if load != "punch":
-        del settings["punch"]
+    for tool in {"punch", "plate"} - {load}:
+        del settings[tool]
+    if load == "plate":
+        settings["plate"] = pad.plate.length_mm.value
     whole = {"layout": _LAYOUT, "ngsolve": version("ngsolve"), "load": load, "pad": settings, **more}
     return hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()[:24]
 

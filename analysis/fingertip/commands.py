@@ -57,6 +57,68 @@ def calibrate_pads(
         return write_calibration_page(out, found, target, punch, trials)
 
 
+def compare_surface(
+    surface: Path, *, out: Path, depth_mm: float, speed_mm_s: float, hold_s: float, cache: Path | None
+) -> Path:
+    """Set a measured surface beside the calibrated pads of ``out``; write table, page and VTU; return the page."""
+    from analysis.fingertip.cache import cache_folder
+    from analysis.fingertip.calibration_file import read_calibration
+    from analysis.fingertip.surface_file import read_surface
+
+    measured = read_surface(surface, depth_mm)
+    found = read_calibration(out)
+    if found.pad.mesh.file is not None:
+        raise BadInputError(
+            f"{found.pad.mesh.file}: a mesh of your own has one thickness of the epidermis, and `compare` lets it "
+            "vary: calibrate the parametric pad"
+        )
+    need_solver()
+    from analysis.fingertip.compare import locate
+    from analysis.fingertip.line_load import LineMotion, answer_lines
+    from analysis.fingertip.page import write_comparison_page
+
+    answers = answer_lines(found, LineMotion(depth_mm, speed_mm_s, hold_s), cache_folder(cache))
+    low, high = answers.position_mm[[0, -1]].tolist()
+    inside = (measured.position_mm >= low) & (measured.position_mm <= high)
+    if not inside.all():
+        raise BadInputError(
+            f"{surface}: {int((~inside).sum())} places lie beyond the pad, which reaches from {low:.1f} "
+            f"to {high:.1f} mm from the line: leave them out"
+        )
+    located = locate(measured, answers)
+    with _writing_to(out):
+        return write_comparison_page(out, located, answers)
+
+
+def predict_receptor(
+    *, out: Path, rates: Path | None, shallowest_mm: float, deepest_mm: float, cache: Path | None
+) -> Path:
+    """Press a plate into the calibrated pads of ``out``; write energies and page; return the page."""
+    from analysis.fingertip.cache import cache_folder
+    from analysis.fingertip.calibration_file import read_calibration
+    from analysis.fingertip.receptor import PlateMotion, feel, plate_pad, read_rates, write_energies
+
+    rate = read_rates(rates) if rates is not None else None
+    found = read_calibration(out)
+    if found.pad.mesh.file is not None:
+        raise BadInputError(f"{found.pad.mesh.file}: depths are those of the parametric pad: calibrate that")
+    need_solver()
+    from analysis.fingertip.receptor_page import write_receptor_page
+
+    motion = PlateMotion()
+    models = [plate_pad(found.pad, pad, cache_folder(cache)) for pad in found.pads]
+    depth_mm = models[0].depth_mm
+    if not depth_mm[0] <= shallowest_mm < deepest_mm <= depth_mm[-1]:
+        raise BadInputError(
+            f"depths from {shallowest_mm:g} to {deepest_mm:g} mm: give them rising, between {depth_mm[0]:.2f} "
+            f"and {depth_mm[-1]:.2f} mm"
+        )
+    felt = [feel(found.pad, model, pad, motion) for model, pad in zip(models, found.pads, strict=True)]
+    with _writing_to(out):
+        write_energies(out / "receptor.csv", felt)
+        return write_receptor_page(out, felt, motion, (shallowest_mm, deepest_mm), rate)
+
+
 def need_solver() -> None:
     """Raise BadInputError where the finite-element library is not installed."""
     try:

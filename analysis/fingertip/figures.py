@@ -11,8 +11,11 @@ import numpy as np
 from analysis.figures import COLOURS, save_figures
 from analysis.fingertip.calibrate import CalibratedPad, Target
 from analysis.fingertip.calibration_file import Calibration
+from analysis.fingertip.compare import Located
+from analysis.fingertip.line_load import LineAnswers
 from analysis.fingertip.pad_file import LAYERS
 from analysis.fingertip.reduced import PunchPad
+from analysis.fingertip.view import MeshView
 from analysis.recordings.trial import FloatArray
 
 _NAMES = {"homogeneous": "homogeneous", "layered": "elastic epidermis"}
@@ -67,15 +70,14 @@ def _sections(figure: Any, found: Calibration, punch: PunchPad) -> None:
     for axes, pad in zip(panels, found.pads, strict=True):
         moduli = np.array([m.relaxed_kpa for m in pad.materials(punch.relative)])
         moved = punch.view.displaced(found.measured.depth_mm * punch.answer(moduli))
-        draw_section(axes, punch, moved)
+        draw_section(axes, punch.view, moved)
         axes.set_title(_NAMES[pad.kind], fontsize=9)
 
 
-def draw_section(axes: Any, punch: PunchPad, moved_mm: FloatArray) -> None:
+def draw_section(axes: Any, view: MeshView, moved_mm: FloatArray) -> None:
     """Draw the deformed mesh in the plane of symmetry, z to the right and y up, in mm."""
     from matplotlib.colors import ListedColormap
 
-    view = punch.view
     z_mm, y_mm = (view.corners_mm + moved_mm)[:, 2], (view.corners_mm + moved_mm)[:, 1]
     if len(view.section):
         colours = ListedColormap(_LAYER_COLOURS[: len(LAYERS)])
@@ -86,3 +88,54 @@ def draw_section(axes: Any, punch: PunchPad, moved_mm: FloatArray) -> None:
     axes.set_aspect("equal")
     axes.set_xlabel("along the finger (mm)")
     axes.set_ylabel("out of the pad (mm)")
+
+
+def draw_comparison(out: Path, found: Located, answers: LineAnswers) -> dict[str, Path]:
+    """Draw surface and pads, the profile of the ratio and the pressed section into ``out``; name -> PNG."""
+    return save_figures(
+        out,
+        {
+            "surface": ((7.0, 4.8), lambda figure: _surface(figure, found)),
+            "profile": ((4.6, 3.0), lambda figure: _profile(figure, found)),
+            "line_section": ((7.0, 3.4), lambda figure: _line_section(figure, found, answers)),
+        },
+    )
+
+
+def _surface(figure: Any, found: Located) -> None:
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+    at, measured = found.surface.position_mm, found.surface.deflection_mm
+    above.errorbar(at, measured, found.error_mm, fmt=".", color="black", ms=4, lw=0.8, label="measured")
+    for colour, pad in zip(COLOURS, found.pads, strict=False):
+        above.plot(
+            at, pad.deflection_mm, color=colour, lw=1.2, label=pad.name + (" (fails)" if pad.fails else "")
+        )
+        below.plot(at, 1e3 * (measured - pad.deflection_mm), ".-", color=colour, lw=0.8, ms=3)
+    above.invert_yaxis()
+    above.set_ylabel("deflection (mm)")
+    above.legend()
+    below.axhspan(-2e3 * found.error_mm.mean(), 2e3 * found.error_mm.mean(), color="#dddddd", zorder=0)
+    below.set_ylabel("measured - pad (um)")
+    below.set_xlabel("along the finger from the line, towards the tip (mm)")
+
+
+def _profile(figure: Any, found: Located) -> None:
+    axes = figure.subplots()
+    near = found.profile_misfit < 12 * found.limit
+    axes.semilogx(np.exp(found.profile_log_ratio[near]), found.profile_misfit[near], color=COLOURS[0])
+    axes.axhline(found.limit, color="#999999", lw=0.8, ls="--")
+    axes.axvspan(found.ratio_low, found.ratio_high, color="#dddddd", zorder=0)
+    axes.set_xlabel("core / epidermis, relaxed")
+    axes.set_ylabel("misfit above the least")
+
+
+def _line_section(figure: Any, found: Located, answers: LineAnswers) -> None:
+    panels = figure.subplots(1, 2, sharex=True, sharey=True)
+    nearest = int(np.argmin(np.abs(np.log(answers.ratios) - np.log(found.ratio))))
+    shown = (
+        ("homogeneous", answers.pressed[0]),
+        (f"ratio {answers.ratios[nearest]:.2g}", answers.pressed[1 + nearest]),
+    )
+    for axes, (title, pressed) in zip(panels, shown, strict=True):
+        draw_section(axes, answers.model.view, answers.model.view.displaced(pressed.weights[-1]))
+        axes.set_title(title, fontsize=9)

@@ -91,7 +91,7 @@ def _from_json(path: Path, text: str) -> list[MeasuredTrial]:
         raise BadInputError(f"{path}: is not a fits.json of `indenter fit`")
     found = []
     for row in document["trials"]:
-        if row["failure"] or row["discarded"] or not row["depth_mm"]:
+        if row["failure"] or row["discarded"] or row.get("untold") or not row["depth_mm"]:
             continue
         try:
             found.append(_from_solid(row) if row["solid"] else _from_estimates(row, _estimates(row)))
@@ -122,7 +122,7 @@ def _from_solid(row: Mapping[str, Any]) -> MeasuredTrial:
 
 
 def _estimates(row: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
-    return {name: (e["value"], e["se"] or 0.0) for name, e in row["estimates"].items()}
+    return {name: (row[name]["value"], row[name]["se"] or 0.0) for name in _COLUMNS}
 
 
 def _from_estimates(row: Mapping[str, Any], estimates: Mapping[str, tuple[float, float]]) -> MeasuredTrial:

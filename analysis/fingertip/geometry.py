@@ -9,6 +9,7 @@ they are but for the height, so the punch stays round within 0.1 % of its radius
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
 FAR_MM = 50.0
 _TINY = 1e-12
+_SKIN_MM = 1e-4
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,17 +63,35 @@ def skin_height_mm(geometry: Geometry, x_mm: FloatArray) -> FloatArray:
     return height_mm
 
 
-def capsule_point(geometry: Geometry, depth_mm: float, z_mm: float) -> tuple[float, float, float]:
-    """Return where the mesher's point lies whose image is on the line x = 0, ``depth_mm`` under the skin."""
+def inside_point(geometry: Geometry, depth_mm: float, z_mm: float) -> tuple[float, float, float]:
+    """Return the mesher's point whose image lies on x = 0 at ``z_mm``, ``depth_mm`` under the top of the tube.
+
+    Beyond the tube (z > 0) the depth counts along the way to the middle, as a share of the skin's height.
+    Raises ValueError where that is in the bone or outside of the pad.
+    """
     nested = surfaces(geometry)
+    # the mesh's faces bend a little less than the capsule: a tenth of a micrometre below its skin is inside
+    depth_mm = max(depth_mm, _SKIN_MM)
     y_mm = geometry.half_height_mm.value - depth_mm
     tops = [s.half_height_mm + s.shift_mm for s in nested]
-    radii = [s.capsule_mm for s in nested]
-    if not tops[-1] <= y_mm <= tops[0]:
+    if not tops[-1] <= y_mm < tops[0]:
         raise ValueError(
-            f"a depth of {depth_mm:g} mm lies outside the soft tissue of {tops[0] - tops[-1]:g} mm"
+            f"a depth of {depth_mm:g} mm lies outside of the soft tissue of {tops[0] - tops[-1]:g} mm"
         )
-    return 0.0, float(np.interp(y_mm, tops[::-1], radii[::-1])), z_mm
+    radius = float(np.interp(y_mm, tops[::-1], [s.capsule_mm for s in nested[::-1]]))
+    if z_mm <= 0:
+        return 0.0, radius, z_mm
+    share = z_mm / geometry.tip_length_mm.value
+    if share >= 1:
+        raise ValueError(f"z = {z_mm:g} mm lies beyond the tip")
+    return 0.0, radius * math.sqrt(1 - share**2), radius * share
+
+
+def capsule_x_mm(geometry: Geometry, x_mm: float) -> float:
+    """Return the mesher's x of the tube's skin at ``x_mm``."""
+    height = float(skin_height_mm(geometry, np.array([x_mm]))[0])
+    across = x_mm / geometry.half_width_mm.value
+    return geometry.half_width_mm.value * math.sin(math.atan2(across, height / geometry.half_height_mm.value))
 
 
 def displacement_of_map(geometry: Geometry, inner: int, x: Any, y: Any, z: Any) -> Any:

@@ -7,7 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from analysis.fingertip.geometry import FAR_MM, displacement_of_map, surfaces
+from analysis.errors import BadInputError
+from analysis.fingertip.geometry import FAR_MM, capsule_x_mm, displacement_of_map, surfaces
 from analysis.fingertip.pad_file import LAYERS, Geometry, PadFile
 
 Load = Literal["punch", "line", "plate"]
@@ -19,6 +20,11 @@ SYMMETRY = "symmetry"
 LINE_WIDTH_MM, LINE_LENGTH_MM = 0.02, 5.0  # Kumar et al. 2015
 _STRIP_DEPTH_MM = 0.05
 """Depth of the sliver of epidermis that is cut out under the line, so that the mesh follows its edges."""
+_TRIES, _FINER = 6, 0.8
+"""How often, and by how much, elements are made smaller where bent ones fold."""
+_FOLD_ORDER = 8
+_ACROSS = 0.55
+"""Of the pad's half-width: what a plate pressed half a millimetre deep can touch."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,11 +56,28 @@ def mesh_pad(pad: PadFile, load: Load) -> PadMesh:
     from ngsolve import Mesh
 
     shape = _shape(pad, load)
-    settings = pad.mesh
-    sizes: dict[str, Any] = {"maxh": settings.size_mm, "grading": settings.grading}
-    mesh = Mesh(OCCGeometry(shape).GenerateMesh(**sizes))
-    mesh.Curve(settings.order)
-    return PadMesh(mesh, load, PRESSED[load], 2, pad.geometry, settings.order, _deform(mesh, pad))
+    size_mm = pad.mesh.size_mm
+    for _ in range(_TRIES):
+        mesh = Mesh(OCCGeometry(shape).GenerateMesh(maxh=size_mm, grading=pad.mesh.grading))
+        mesh.Curve(pad.mesh.order)
+        keep = _deform(mesh, pad)
+        if not _folded(mesh):
+            return PadMesh(mesh, load, PRESSED[load], 2, pad.geometry, pad.mesh.order, keep)
+        size_mm *= _FINER
+    raise BadInputError(
+        f"the mesh folds where layers are thin, even with elements of {size_mm / _FINER:.2g} mm: make mesh.size_mm "
+        "smaller, or the thinnest layer thicker"
+    )
+
+
+def _folded(mesh: Any) -> bool:
+    """Whether an element of the mesh is turned inside out somewhere, its map followed at many points."""
+    import numpy as np
+    from ngsolve import TET, VOL, Det, IntegrationRule, specialcf
+
+    points = mesh.MapToAllElements({TET: IntegrationRule(TET, _FOLD_ORDER)}, VOL)
+    volume = Det(specialcf.JacobianMatrix(3))(points)
+    return bool(np.sign(volume).min() != np.sign(volume).max())
 
 
 def _deform(mesh: Any, pad: PadFile) -> Any:
@@ -63,7 +86,8 @@ def _deform(mesh: Any, pad: PadFile) -> Any:
 
     moved = GridFunction(VectorH1(mesh, order=pad.mesh.order))
     by_layer = {name: displacement_of_map(pad.geometry, i + 1, x, y, z) for i, name in enumerate(LAYERS)}
-    moved.Set(mesh.MaterialCF(by_layer))
+    # by values at nodes, which leave the plane of symmetry where it is; a mean over elements would not
+    moved.Set(mesh.MaterialCF(by_layer), dual=True)
     mesh.SetDeformation(moved)
     return moved
 
@@ -132,13 +156,13 @@ def _pressed_part(pad: PadFile, load: Load, skin: Any, first: Any) -> Any:
         tool = Cylinder(Pnt(0, 0, z_mm), Y, r=pad.punch.diameter_mm / 2, h=FAR_MM)
         name = PUNCH
     elif load == "line":
-        half_width, half_length = LINE_WIDTH_MM / 2, LINE_LENGTH_MM / 2
+        half_width, half_length = LINE_WIDTH_MM / 2, capsule_x_mm(pad.geometry, LINE_LENGTH_MM / 2)
         tool = Box(Pnt(0, 0, z_mm - half_width), Pnt(half_length, FAR_MM, z_mm + half_width))
         first = skin.Move((0, -_STRIP_DEPTH_MM, 0))
         name = STRIP
     else:
-        reach = plate_reach_mm(pad.geometry)
-        tool = Box(Pnt(0, 0, z_mm - reach[1]), Pnt(reach[0], FAR_MM, min(z_mm + reach[1], -1e-3)))
+        across, back, forth = _plate_reach_mm(pad)
+        tool = Box(Pnt(0, 0, back), Pnt(across, FAR_MM, forth))
         name = PLATE
     tool.faces.name = "inside"
     piece = (skin * tool) - first
@@ -146,9 +170,16 @@ def _pressed_part(pad: PadFile, load: Load, skin: Any, first: Any) -> Any:
     return piece
 
 
-def plate_reach_mm(geometry: Geometry) -> tuple[float, float]:
-    """Return how far from the first touch skin is looked at for contact with a plate, across and along (mm)."""
-    return 0.55 * geometry.half_width_mm.value, 0.6 * geometry.tip_length_mm.value
+def _plate_reach_mm(pad: PadFile) -> tuple[float, float, float]:
+    """Return where skin is looked at for contact with the plate, in the mesher's coordinates: x, and z from, to."""
+    geometry = pad.geometry
+    half, middle = pad.plate.length_mm.value / 2, geometry.contact_z_mm.value
+    back = max(middle - half, -geometry.tube_length_mm.value + 0.2)
+    forth = middle + half
+    if forth > 0:
+        # the tip of the capsule is as long as the finger is wide
+        forth *= geometry.half_width_mm.value / geometry.tip_length_mm.value
+    return _ACROSS * geometry.half_width_mm.value, back, min(forth, 0.8 * geometry.half_width_mm.value)
 
 
 def _rename(shape: Any, old: str, new: str) -> None:
@@ -163,7 +194,7 @@ def _refine(whole: Any, pad: PadFile, load: Load) -> None:
     refined: dict[str, Callable[[Any], None]] = {
         PUNCH: lambda face: _refine_rim(face, smallest),
         STRIP: lambda face: _set_size(face, 4 * smallest),
-        PLATE: lambda face: _set_size(face, 20 * smallest),
+        PLATE: lambda face: _set_size(face, pad.mesh.size_mm / 2),
     }
     for face in whole.faces:
         if face.name in refined:

@@ -117,6 +117,12 @@ class Punch(_Settings):
     contact: Literal["bonded", "frictionless"] = "bonded"
 
 
+class Plate(_Settings):
+    """The flat plate: how far it reaches along the finger, half to either side of the point of contact."""
+
+    length_mm: Positive
+
+
 class Calibration(_Settings):
     """How many Prony terms a viscoelastic layer has."""
 
@@ -139,6 +145,7 @@ class PadFile(_Settings):
     geometry: Geometry
     layers: Layers
     punch: Punch = Punch()
+    plate: Plate = Plate(length_mm=Positive(value=6.0, source="assumed"))
     calibration: Calibration = Calibration()
     mesh: MeshSettings = MeshSettings()
 
@@ -147,10 +154,20 @@ class PadFile(_Settings):
         return 1.0, self.layers.dermis.relative_modulus, self.layers.fat.relative_modulus
 
     def with_epidermis(self, thickness_mm: float) -> PadFile:
-        """Return the same pad with another epidermis, its core reaching up to it."""
-        changed = self.geometry.epidermis_mm.model_copy(update={"value": thickness_mm})
-        geometry = self.geometry.model_copy(update={"epidermis_mm": changed})
-        return self.model_copy(update={"geometry": Geometry.model_validate(geometry.model_dump())})
+        """Return the same pad with another epidermis, at the dermis' cost; BadInputError where none is left of that."""
+        g = self.geometry
+        dermis_mm = g.epidermis_mm.value + g.dermis_mm.value - thickness_mm
+        if thickness_mm <= 0 or dermis_mm <= 0:
+            raise BadInputError(
+                f"an epidermis of {thickness_mm:.3g} mm leaves no dermis: make geometry.dermis_mm larger, or the "
+                "epidermis thinner"
+            )
+        new = {
+            "epidermis_mm": g.epidermis_mm.model_copy(update={"value": thickness_mm}),
+            "dermis_mm": g.dermis_mm.model_copy(update={"value": dermis_mm}),
+        }
+        geometry = Geometry.model_validate(g.model_copy(update=new).model_dump())
+        return self.model_copy(update={"geometry": geometry})
 
 
 def example_text() -> str:

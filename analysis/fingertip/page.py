@@ -13,8 +13,12 @@ import numpy as np
 
 from analysis.fingertip.calibrate import CalibratedPad, Target, calibrate, published_trial, target_of
 from analysis.fingertip.calibration_file import Calibration
-from analysis.fingertip.figures import draw_calibration
+from analysis.fingertip.compare import Located
+from analysis.fingertip.comparison_file import write_comparison
+from analysis.fingertip.figures import draw_calibration, draw_comparison
 from analysis.fingertip.fits_file import MeasuredTrial
+from analysis.fingertip.line_load import LineAnswers
+from analysis.fingertip.meshing import LINE_LENGTH_MM
 from analysis.fingertip.pad_file import PadFile
 from analysis.fingertip.reduced import PunchPad
 from analysis.fingertip.view import write_vtu
@@ -26,6 +30,13 @@ _CAPTIONS = {
     "scan": "Left: residual of the best pad at every ratio of core to epidermis; broken line: 0.1 % of A0. "
     "Right: the moduli that go with it.",
     "sections": "Section in the plane of symmetry, pressed and relaxed, true to scale.",
+}
+_COMPARE_CAPTIONS = {
+    "surface": "Measured deflection with its errors, and each pad pressed as the finger was; below, measured minus pad "
+    "with twice the error in grey.",
+    "profile": "How much worse the best pad of a ratio fits than the best of all, thickness of the epidermis left "
+    "free; broken line: where the 95 % interval (grey) ends.",
+    "line_section": "Section in the plane of symmetry under the line, true to scale.",
 }
 
 
@@ -60,6 +71,34 @@ def write_calibration_page(
             abs(punch.stiffness(punch.layer_moduli(r)) / f - 1)
             for r, f in zip(punch.ratios.tolist(), punch.exact.tolist(), strict=True)
         ),
+    )
+
+
+def write_comparison_page(out: Path, found: Located, answers: LineAnswers) -> Path:
+    """Draw the figures, write the VTU files, ``compare.json`` and ``compare.html``; return the page's path."""
+    figures = draw_comparison(out, found, answers)
+    nearest = int(np.argmin(np.abs(np.log(answers.ratios) - np.log(found.ratio))))
+    for name, pressed in (("homogeneous", answers.pressed[0]), ("layered", answers.pressed[1 + nearest])):
+        moved = answers.model.view.displaced(pressed.weights[-1])
+        write_vtu(out / f"{name}_line.vtu", answers.model.view, {"displacement_mm": moved})
+    write_comparison(out / "compare.json", found, answers.motion)
+    half_length_mm = [
+        float(answers.model.place_mm[pressed.pressure_kpa[-1] > 0, 0].max()) for pressed in answers.pressed
+    ]
+    return render(
+        out / "compare.html",
+        "compare.html.j2",
+        figures,
+        _COMPARE_CAPTIONS,
+        found=found,
+        motion=answers.motion,
+        touching=(min(half_length_mm), max(half_length_mm)),
+        line_half_mm=LINE_LENGTH_MM / 2,
+        thickness_ends=answers.thickness_mm[[0, -1]].tolist(),
+        ratio_ends=answers.ratios[[0, -1]].tolist(),
+        overlap=max(pressed.overlap_mm for pressed in answers.pressed),
+        pull=max(pressed.pull_kpa for pressed in answers.pressed),
+        unknowns=answers.model.unknowns,
     )
 
 

@@ -57,8 +57,14 @@ def reduce_punch(pad: PadFile, advance: Callable[[], None] = lambda: None) -> Pu
     """Mesh the pad, solve it at `SNAPSHOTS` ratios and return it in their shapes; ``advance`` once a solution."""
     full = full_punch_pad(pad)
     advance()
-    relative = np.array(pad.relative_moduli())
     ratios = chebyshev_ratios(*RATIOS, SNAPSHOTS)
+    return reduce_full(full, ratios, np.array(pad.relative_moduli()), advance)
+
+
+def reduce_full(
+    full: ElasticPad, ratios: FloatArray, relative: FloatArray, advance: Callable[[], None] = lambda: None
+) -> PunchPad:
+    """Solve a full mesh at ratios of core to epidermis (R,) and return it in the shapes of the answers."""
     answers: list[Any] = []
     forces: list[float] = []
     for ratio in ratios:

@@ -13,6 +13,7 @@ from analysis.recordings.attributes import attributes_in, group_of, optional_att
 from analysis.recordings.checks import samples_problem
 from analysis.recordings.layout import CONSTANT_NAMES, NATIVE_SIGNALS, RUNNING_SURFACE, SIGNALS
 from analysis.recordings.opening import access, bad_input, check_is_file, open_file
+from analysis.recordings.own_storage import refuse_foreign_storage
 from analysis.recordings.probing import probe
 from analysis.recordings.sealing import seal_state
 from analysis.recordings.tables import read_events, read_log, read_phases
@@ -54,6 +55,7 @@ def read_unchecked(path: Path, *, cut: bool = False) -> Trial:
     `cut` says that the file lacks its end, whatever its status: NaN at the end of a signal is left away.
     """
     with open_file(path) as file:
+        refuse_foreign_storage(path, file)
         with access(path, "the file's structure"):
             root = attributes_in(path, file, "/")
             signals = group_of(path, file, "signals")

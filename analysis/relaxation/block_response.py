@@ -7,7 +7,7 @@ is put in where it belongs, between samples; so the model is smooth in the conta
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,13 +65,16 @@ def block_answer(blocks: Blocks, contact_mm: float, times_s: Sequence[float]) ->
 
 
 def block_rows(
-    blocks: Blocks, contact_mm: float, times_s: Sequence[float], law: ContactLaw = FLAT
+    blocks: Blocks,
+    contact_mm: float,
+    times_s: Sequence[float],
+    level: Callable[[FloatArray], FloatArray] = FLAT.level,
 ) -> FloatArray:
-    """Return the rows of `block_answer` (1 + n_arms, K) alone, without derivatives, by any contact law."""
+    """Return the rows of `block_answer` (1 + n_arms, K) alone, without derivatives, for any ``level`` of a depth."""
     pieces = depth_pieces(blocks, contact_mm)
     tau_s = np.array(times_s)[:, None]
     decay, rise, _, _ = interval_factors(pieces.lengths_s, tau_s)
-    level_mm = law.level(pieces.depth_mm)
+    level_mm = level(pieces.depth_mm)
     speed_mm_s = np.diff(level_mm) / pieces.lengths_s
     steady = speed_mm_s * tau_s
     sums = np.empty((1 + len(times_s), len(pieces.counts)))

@@ -8,14 +8,17 @@ from pathlib import Path
 import numpy as np
 
 from analysis.recordings.trial import FloatArray, Trial
+from analysis.relaxation import signal_checks
 from analysis.relaxation.constants import StepAnswer
 from analysis.relaxation.contact import Contact, find_contact
+from analysis.relaxation.contact_law import FLAT, ContactLaw
+from analysis.relaxation.creep import fit_creep
 from analysis.relaxation.quality import checks_of_ramp, checks_of_signals, checks_of_step
 from analysis.relaxation.ramp_fit import RampSolution, fit_ramp
 from analysis.relaxation.result import Amplitudes, Estimate, Model, TrialFit
 from analysis.relaxation.step_fit import StepSolution, fit_step
 from analysis.relaxation.told import check_elastic, without_untold
-from analysis.relaxation.windows import CannotFitError, FitWindow, cut_window
+from analysis.relaxation.windows import CannotFitError, FitWindow, cut_creep, cut_window
 
 
 def fit_trial(trial: Trial, model: Model = "ramp", exponent: float | None = None) -> TrialFit:
@@ -37,6 +40,10 @@ def fit_trial(trial: Trial, model: Model = "ramp", exponent: float | None = None
     )
     try:
         with np.errstate(all="ignore"):
+            creeping = cut_creep(trial) if model == "ramp" else None
+            if creeping is not None:
+                labels = _creep_labels(labels, trial, creeping)
+                return _creep_row(labels, creeping, exponent)
             window = cut_window(trial)
             labels = _measured_labels(labels, window, model)
             # a trial that is refused keeps what its signals say of the reason
@@ -161,6 +168,44 @@ def _step_row(labels: TrialFit, trial: Trial, window: FitWindow, contact: Contac
     row = replace(row, checks=checks_of_step(trial, window, contact, found, row))
     log_errors = np.sqrt(np.maximum(np.diag(found.covariance)[1 + n_terms :], 0.0))
     return _accepted(row, found.times_s, log_errors, found.time_at_bound)
+
+
+def _creep_labels(labels: TrialFit, trial: Trial, window: FitWindow) -> TrialFit:
+    message = next(event.message for event in trial.events if event.kind == "force_held")
+    checks = (signal_checks.saturation(trial, window), signal_checks.depth_missed(trial, window))
+    return replace(_measured_labels(labels, window, "ramp"), creep=message, checks=checks)
+
+
+def _creep_row(labels: TrialFit, window: FitWindow, exponent: float | None) -> TrialFit:
+    """Return the row of a pause in which force was held: the same solid, from its creep."""
+    contact = find_contact(window, exponent or 1.0)
+    if not contact.seen:
+        raise CannotFitError("the recording begins in contact: a creep needs the force from its beginning")
+    reach_mm = float(np.max(window.position_mm)) - contact.position_mm
+    law = ContactLaw(exponent, max(reach_mm, 1e-12)) if exponent is not None else FLAT
+    found = fit_creep(window, contact, law)
+    k0, n = float(found.stiffness_mn_per_mm[0]), len(found.times_s)
+    level_mm = float(law.level(np.array([max(found.depth_mm, 0.0)]))[0])
+    by_k0 = np.zeros(len(found.covariance))
+    by_k0[0] = level_mm
+    estimates = {"A0_mn": Estimate(k0 * level_mm, _spread(by_k0, found.covariance))}
+    for i, tau_s in enumerate(found.times_s.tolist()):
+        ratio = float(found.stiffness_mn_per_mm[1 + i]) / k0
+        by, by_time = np.zeros(len(found.covariance)), np.zeros(len(found.covariance))
+        by[0], by[1 + i], by_time[1 + n + i] = -ratio / k0, 1.0 / k0, tau_s
+        estimates[f"A{i + 1}_over_A0"] = Estimate(ratio, _spread(by, found.covariance))
+        estimates[f"t{i + 1}_s"] = Estimate(tau_s, _spread(by_time, found.covariance))
+    position_mm = window.position_mm[-len(found.residual_mm) :]
+    squares = float(np.mean(np.square(found.residual_mm)))
+    row = replace(
+        labels,
+        estimates=estimates,
+        stiffness_mn_per_um=k0 * level_mm / found.depth_mm / 1000.0 if found.depth_mm > 0 else None,
+        rms_mn=float(np.sqrt(squares)) * k0,
+        r2=1.0 - squares / float(np.var(position_mm)),
+    )
+    log_errors = np.sqrt(np.maximum(np.diag(found.covariance)[1 + n :], 0.0))
+    return _accepted(row, found.times_s, log_errors, found.at_bound)
 
 
 def _elastic_of_hold(window: FitWindow) -> Estimate | None:

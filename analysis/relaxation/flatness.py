@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.recordings.trial import FloatArray
+from analysis.relaxation.block_response import block_rows
 from analysis.relaxation.blocks import Blocks
 from analysis.relaxation.contact_law import ContactLaw
-from analysis.relaxation.convex_response import convex_answer
-from analysis.relaxation.noise import influences, neighbouring_noise, noise_covariance, widened
+from analysis.relaxation.noise import NoiseSpectrum, white_error
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,14 +38,21 @@ def ask_flatness(
     offset_mn: float,
     *,
     jacobian: FloatArray,
-    residual_mn: FloatArray,
+    influence: FloatArray,
+    doubted: NoiseSpectrum,
     reference_mm: float,
 ) -> Flatness:
-    """Return the exponent that the loading of a flat fit says; arguments as in `RampSolution`."""
-    answer = convex_answer(blocks, contact_mm, times_s.tolist(), ContactLaw(1.0, reference_mm))
-    by_exponent = stiffness_mn_per_mm @ answer.exponent_slopes
-    missed_mn = blocks.force_mn - stiffness_mn_per_mm @ answer.rows - offset_mn
-    influence = influences(np.concatenate([jacobian, by_exponent[None]]), blocks.counts)[-1]
-    doubted = widened(*noise_covariance(influence[None], blocks.edges, neighbouring_noise(residual_mn)))
-    moved = float(influence @ (blocks.counts * missed_mn))
-    return Flatness(1.0 + moved, influence, float(np.sqrt(doubted[0, 0])))
+    """Return the exponent that the loading of a flat fit says; arguments as in `RampSolution`.
+
+    ``influence`` (P, K) is that of a sample on the flat fit's parameters. The first rows of the ``jacobian`` (P, K)
+    are those of depth, arms and the constant 1.
+    """
+    n = len(stiffness_mn_per_mm)
+    slope = ContactLaw(1.0, reference_mm).exponent_slope
+    by_exponent = stiffness_mn_per_mm @ block_rows(blocks, contact_mm, times_s.tolist(), slope)
+    missed_mn = blocks.force_mn - stiffness_mn_per_mm @ jacobian[:n] - offset_mn
+    # what of it the other parameters can't imitate
+    own = by_exponent - (influence @ (blocks.counts * by_exponent)) @ jacobian
+    own_influence = own / max(float(np.sum(blocks.counts * np.square(own))), 1e-300)
+    moved = float(own_influence @ (blocks.counts * missed_mn))
+    return Flatness(1.0 + moved, own_influence, white_error(own_influence, blocks.edges, doubted))

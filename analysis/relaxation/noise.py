@@ -163,6 +163,12 @@ def estimate_covariance(jacobian: FloatArray, edges: NDArray[np.int64], noise: N
     return widened(*noise_covariance(influence, edges, noise))
 
 
+def white_error(influence: FloatArray, edges: NDArray[np.int64], noise: NoiseSpectrum) -> float:
+    """Return the standard error of a sum in which a sample of block b counts as influence (K,), noise being white."""
+    cells = _cell_sums(influence[None], edges, noise.cell)
+    return float(np.sqrt(noise.fine.innovation * np.sum(np.square(cells))))
+
+
 def noise_covariance(
     influence: FloatArray, edges: NDArray[np.int64], noise: NoiseSpectrum
 ) -> tuple[FloatArray, FloatArray]:

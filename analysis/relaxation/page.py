@@ -105,7 +105,8 @@ def _caption(name: str, of_fingers: bool) -> str:
 
 def _examples(files: Sequence[Path], rows: Sequence[TrialFit]) -> list[tuple[str, Curve]]:
     """Return one fitted trial a depth, of the finger that has most depths, if possible without flags."""
-    used = [(file, row) for file, row in zip(files, rows, strict=True) if row.fitted and not row.discarded]
+    pairs = zip(files, rows, strict=True)
+    used = [(file, row) for file, row in pairs if row.fitted and not row.discarded and not row.creep]
     by_finger: dict[str, dict[float, tuple[Path, TrialFit]]] = {}
     for file, row in sorted(used, key=lambda pair: bool(pair[1].flags)):
         by_finger.setdefault(row.finger, {}).setdefault(depth_level(row.depth_mm), (file, row))
@@ -252,6 +253,7 @@ def _interval_cells(row: TrialFit) -> dict[str, Any]:
 
 def _flag_lines(row: TrialFit) -> list[str]:
     lines = [f"discarded: {row.discarded}"] if row.discarded else []
+    lines += [f"creep: {row.creep}: the solid's constants are those of its creep"] if row.creep else []
     lines += [f"not fitted: {row.failure}"] if row.failure else []
     lines += [
         f"not told: {', '.join(_LABELS[name] for name in row.untold if row.untold[name] == reason)}: {reason}"

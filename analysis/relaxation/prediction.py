@@ -14,7 +14,7 @@ from analysis.relaxation.contact_law import FLAT, ContactLaw
 from analysis.relaxation.convex_response import law_knots
 from analysis.relaxation.motion import sample_noise
 from analysis.relaxation.result import TrialFit
-from analysis.relaxation.windows import FitWindow, cut_window
+from analysis.relaxation.windows import FitWindow, cut_creep, cut_window
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,8 +45,9 @@ class Prediction:
 
 
 def fitted_curve(trial: Trial, row: TrialFit) -> Curve:
-    """Return the force that a trial's own fit says; NaN before the hold for the step model."""
-    window = cut_window(trial)
+    """Return the force that a trial's own fit says; NaN before the hold for the step model, throughout for a creep."""
+    creeping = cut_creep(trial) if row.creep else None
+    window = cut_window(trial) if creeping is None else creeping
     if row.solid is not None:
         stiffness, times_s = np.array(row.solid.stiffness_mn_per_mm), np.array(row.solid.times_s)
         law = ContactLaw(row.solid.exponent, row.solid.reference_mm)

@@ -104,7 +104,7 @@ def _half_window_of_ramp(window: FitWindow, found: RampSolution) -> Check:
         return _window_check(np.nan, np.inf)
     n_arms = len(found.times_s)
     slowest = int(np.argmax(solution.parameters[:n_arms]))
-    noise = neighbouring_noise(found.residual_mn)
+    noise = found.doubted
     at = n_arms + 2 + slowest
     before = estimate_covariance(solution.jacobian, half.edges, noise)[at, at]
     after = estimate_covariance(found.jacobian, found.blocks.edges, noise)[n_arms + 2, n_arms + 2]

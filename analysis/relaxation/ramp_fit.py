@@ -17,6 +17,7 @@ from analysis.relaxation.noise import (
     NoiseSpectrum,
     influences,
     measure_noise,
+    neighbouring_noise,
     noise_covariance,
     widened,
 )
@@ -37,10 +38,11 @@ class RampSolution:
 
     ``covariance`` is that of (k0, k1.., offset, log t1.., contact, exponent), the last two only where they
     were free; ``jacobian`` (P, K) the model's derivatives by them over the blocks; ``squares`` the sum of
-    squares weighted by samples; ``parameters`` the search's own (log times as found, contact, exponent);
-    ``time_at_bound`` (n_arms,) says which times did. ``law`` is the contact law of the fit, and
-    ``exponent`` what the loading says of it, None where it says nothing (or was not asked); ``flat`` is False
-    where the residual of a flat fit may be that of a convex punch.
+    squares weighted by samples; ``parameters`` the search's own (log times as found, contact, exponent).
+    ``doubted`` is the noise where only what differs between neighbours counts; ``time_at_bound`` (n_arms,)
+    says which times stopped at a bound. ``law`` is the contact law of the fit, ``exponent`` what the loading
+    says of it, None where it says nothing (or was not asked); ``flat`` is False where the residual of a flat
+    fit may be that of a convex punch.
     """
 
     stiffness_mn_per_mm: FloatArray
@@ -51,6 +53,7 @@ class RampSolution:
     covariance: FloatArray
     residual_mn: FloatArray
     noise: NoiseSpectrum
+    doubted: NoiseSpectrum
     blocks: Blocks
     squares: float
     jacobian: FloatArray
@@ -144,8 +147,8 @@ def fit_ramp(
 
 def _reference_mm(window: FitWindow, contact: Contact) -> float:
     """Return the depth in the hold, mm, at which stiffnesses of a convex law are stated."""
-    held_mm = float(np.median(window.position_mm[window.hold_start :]))
-    reach_mm = held_mm - contact.position_mm
+    held_mm = window.position_mm[window.hold_start :]
+    reach_mm = float(np.median(held_mm[:: max(1, len(held_mm) // 1000)])) - contact.position_mm
     return reach_mm if reach_mm > 0 else max(float(np.ptp(window.position_mm)), 1e-12)
 
 
@@ -238,7 +241,7 @@ def _starting_times(
     first_s = max(8.0 * window.step_s, min(window.hold_s / 2000.0, 0.02))
     last_s = 2.0 * max(window.hold_s, 20.0 * window.step_s)
     grid_s = np.geomspace(min(first_s, last_s / 100.0), last_s, GRID_TIMES)
-    rows = block_rows(blocks, contact_mm, grid_s.tolist(), law)
+    rows = block_rows(blocks, contact_mm, grid_s.tolist(), law.level)
     always = np.stack([rows[0], np.ones(rows.shape[1])])
     best_s = best_of_grid(rows[1:], always, blocks.force_mn, blocks.counts, grid_s=grid_s, n_times=n_arms)
     return np.log(best_s)
@@ -272,6 +275,7 @@ def _finish(
     rest = np.arange(2 * n_arms + 2, len(solution.jacobian))
     jacobian = solution.jacobian[np.concatenate([[0], 1 + order, [n_arms + 1], n_arms + 2 + order, rest])]
     influence = influences(jacobian, blocks.counts)
+    doubted = neighbouring_noise(residual_mn)
     loading: Flatness | None = None
     if asked:
         reach = Contact(contact_mm, 0, offset_mn, seen=True)
@@ -282,7 +286,8 @@ def _finish(
             stiffness,
             offset_mn,
             jacobian=jacobian,
-            residual_mn=residual_mn,
+            influence=influence,
+            doubted=doubted,
             reference_mm=_reference_mm(window, reach),
         )
         influence = np.concatenate([influence, loading.influence[None]])
@@ -301,6 +306,7 @@ def _finish(
         covariance[:n, :n],
         residual_mn,
         noise,
+        doubted,
         blocks,
         solution.squares,
         jacobian,

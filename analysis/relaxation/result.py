@@ -78,6 +78,7 @@ class TrialFit:
     """One row of a study: a trial's labels, its estimates by the names of `NAMES`, its checks.
 
     ``intervals`` are profile intervals (95 %) by the same names, where they were asked for.
+    ``creep`` says that force was held, so that creep was fitted in place of relaxation.
     ``peak_mn`` is the largest force over the one before contact, ``log`` how an import came to be.
     ``untold`` says by name why an estimate is missing; ``step_answer`` is the step model's curve.
     ``exponent`` is what the loading says of the contact law d^p, None where it says nothing.
@@ -110,6 +111,7 @@ class TrialFit:
     step_answer: StepAnswer | None = None
     peak_mn: float | None = None
     log: tuple[str, ...] = ()
+    creep: str = ""
 
     @property
     def fitted(self) -> bool:
@@ -125,6 +127,8 @@ class TrialFit:
     def flags(self) -> str:
         """What the flags column of fits.csv says."""
         parts = [f"discarded: {self.discarded}"] if self.discarded else []
+        if self.creep:
+            parts.append(f"creep, the trial has no phase named hold: {self.creep}")
         if self.failure:
             parts.append(f"not fitted: {self.failure}")
         parts.extend(check.flag for check in self.checks if check.raised)

@@ -46,6 +46,8 @@ def show_fits(found: Findings) -> None:
     for row in found.rows[:_MOST_LINES]:
         if not row.fitted:
             console.print(Text(f"{row.file}: not fitted: {row.failure}"), soft_wrap=True)
+        if row.creep:
+            console.print(Text(f"{row.file}: creep: {row.creep}"), soft_wrap=True)
         raised = [check.name.replace("_", " ") for check in row.checks if check.raised]
         if raised and not row.discarded:
             console.print(Text(f"{row.file}: flags: {', '.join(raised)}"), soft_wrap=True)

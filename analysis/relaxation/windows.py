@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.recordings.trial import FloatArray, Trial
+from analysis.recordings.trial import FloatArray, Phase, Trial
 
 _LEAST_SAMPLES = 20  # of a hold; two terms and a constant have five unknowns
 
@@ -62,6 +62,22 @@ def cut_window(trial: Trial) -> FitWindow:
     if hold is None:
         instead = next((f" ({event.message})" for event in trial.events if event.kind == "force_held"), "")
         raise CannotFitError(f"no hold to fit: the trial has no phase named hold{instead}")
+    return _cut(trial, hold)
+
+
+def cut_creep(trial: Trial) -> FitWindow | None:
+    """Return the samples up to the end of a pause in which force was held, None where no such pause is stated.
+
+    The pause, which an import's event ``force_held`` begins and the next phase ends, stands as the window's hold.
+    """
+    event = next((event for event in trial.events if event.kind == "force_held"), None)
+    if event is None or trial.phase("hold") is not None or trial.kind != "ramp_hold_retract":
+        return None
+    stop = min((phase.start for phase in trial.phases if phase.start > event.sample), default=trial.n_samples)
+    return _cut(trial, Phase("hold", event.sample, stop))
+
+
+def _cut(trial: Trial, hold: Phase) -> FitWindow:
     earlier = [trial.phase(name) for name in ("approach", "dwell", "ramp")]
     starts = [phase.start for phase in earlier if phase is not None and phase.stop <= hold.start]
     first = min(starts, default=hold.start)

@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError, field_validator
 from rich.console import Console
 
 from analysis.errors import BadInputError
 from analysis.recordings.trial import Calibration
 from rig.calibration.lines import Constant, Line, student_95
+from rig.settings.constants import constants_problem, difference_problem
 from rig.settings.rig_file import RigFile
 
 Which = Literal["position", "force"]
 FOLDER = "calibrations"
+_UNITS = "V, V/mm, V/mN"
 
 
 class _Measured(BaseModel):
@@ -26,6 +28,14 @@ class _Measured(BaseModel):
     value: float
     se: float
     dof: int
+
+
+_CONSTANTS: Mapping[str, tuple[str, ...]] = {
+    "position": ("volts_per_mm", "command_volts_per_mm", "position_zero_v", "command_zero_v"),
+    "force": ("volts_per_mn", "force_zero_v"),
+}
+
+_CLOCK_SLACK = timedelta(hours=1)
 
 
 class CalibrationFile(BaseModel):
@@ -38,6 +48,25 @@ class CalibrationFile(BaseModel):
     calibrated: str
     valid_until: str
     constants: Mapping[str, _Measured]
+    rig: str | None = None
+    units: str | None = None
+
+    @field_validator("calibrated", "valid_until")
+    @classmethod
+    def _is_a_moment(cls, text: str) -> str:
+        if datetime.fromisoformat(text).tzinfo is None:
+            raise ValueError("says no time zone")
+        return text
+
+    @property
+    def made(self) -> datetime:
+        """When it was made."""
+        return datetime.fromisoformat(self.calibrated)
+
+    @property
+    def expired(self) -> bool:
+        """Whether its time is over."""
+        return datetime.fromisoformat(self.valid_until) < datetime.now().astimezone()
 
 
 def calibration_folder(rig: RigFile, rig_path: Path | None) -> Path | None:
@@ -47,8 +76,13 @@ def calibration_folder(rig: RigFile, rig_path: Path | None) -> Path | None:
     return rig_path.parent / (rig.calibration.folder or FOLDER)
 
 
-def calibration_for(rig: RigFile, rig_path: Path | None, console: Console) -> Calibration:
-    """Return the constants to run with, and say on the console where they come from."""
+def calibration_for(
+    rig: RigFile, rig_path: Path | None, console: Console, ask: Callable[[str], bool] = lambda _: True
+) -> Calibration:
+    """Return the constants to run with, and say on the console where they come from.
+
+    ``ask`` is asked whether to go on with a calibration whose time is over; BadInputError where it says no.
+    """
     folder = calibration_folder(rig, rig_path)
     calibration, used = newest_calibration(rig, folder)
     for kind in ("position", "force"):
@@ -59,13 +93,14 @@ def calibration_for(rig: RigFile, rig_path: Path | None, console: Console) -> Ca
                 highlight=False,
                 soft_wrap=True,
             )
-        elif datetime.fromisoformat(found.valid_until) < datetime.now().astimezone():
-            console.print(
+        elif found.expired:
+            words = (
                 f"{kind}: the calibration of {found.calibrated[:10]} expired on {found.valid_until[:10]}: "
-                f"run `indenter calibrate {kind}` again",
-                highlight=False,
-                soft_wrap=True,
+                f"run `indenter calibrate {kind}` again"
             )
+            console.print(words, highlight=False, soft_wrap=True, markup=False)
+            if not ask("go on with it all the same?"):
+                raise BadInputError(words)
     return calibration
 
 
@@ -78,11 +113,18 @@ def newest_calibration(
     """
     calibration = rig.calibration.nominal()
     used: dict[str, CalibrationFile] = {}
-    files = [load_calibration(path) for path in sorted(folder.glob("*.json"))] if folder else []
-    for found in sorted(files, key=lambda file: file.calibrated):
+    files = [_of_this_rig(path, rig) for path in sorted(folder.glob("*.json"))] if folder else []
+    for found in sorted(files, key=lambda file: file.made):
         used[found.kind] = found
     for found in used.values():
         calibration = with_constants(calibration, found.constants, found.calibrated)
+    problem = difference_problem(calibration, rig.calibration.nominal()) or constants_problem(
+        calibration, rig.lever
+    )
+    if problem is not None:
+        raise BadInputError(
+            f"{folder}: the newest calibration is none of this rig's: {problem}: remove its file, or calibrate again"
+        )
     return calibration, used
 
 
@@ -98,6 +140,23 @@ def with_constants(
         calibrated=max(calibration.calibrated, calibrated),
         standard_errors={**calibration.standard_errors, **errors},
     )
+
+
+def _of_this_rig(path: Path, rig: RigFile) -> CalibrationFile:
+    """Read a calibration file that must be this rig's, of its kind and no time to come; BadInputError else."""
+    found = load_calibration(path)
+    wrong = None
+    if found.rig is not None and found.rig != rig.name:
+        wrong = f"it belongs to the rig {found.rig!r}, and this is {rig.name!r}"
+    elif found.units is not None and found.units != _UNITS:
+        wrong = f"its units are {found.units!r}, not {_UNITS!r}"
+    elif set(found.constants) != set(_CONSTANTS[found.kind]):
+        wrong = f"a {found.kind} calibration has {', '.join(_CONSTANTS[found.kind])}"
+    elif found.made > datetime.now().astimezone() + _CLOCK_SLACK:
+        wrong = f"it was made on {found.calibrated[:10]}, which is yet to come: set the computer's clock"
+    if wrong is not None:
+        raise BadInputError(f"{path}: {wrong}: remove it, or calibrate again")
+    return found
 
 
 def load_calibration(path: Path) -> CalibrationFile:
@@ -120,6 +179,7 @@ def save_calibration(
     constants: Mapping[str, Constant],
     line: Line,
     *,
+    rig: str,
     valid_days: float,
     about: Mapping[str, Any],
 ) -> Path:
@@ -129,6 +189,8 @@ def save_calibration(
         "format": "indenter-calibration",
         "format_version": 1,
         "kind": which,
+        "rig": rig,
+        "units": _UNITS,
         "calibrated": now.isoformat(),
         "valid_until": (now + timedelta(days=valid_days)).isoformat(),
         "constants": {

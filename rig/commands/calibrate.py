@@ -56,7 +56,7 @@ def calibrate_on_bench(
     if "arm_mass_g" in result.about:
         mass_g = result.about["arm_mass_g"]
         console.print(f"mass of the arm as its tip feels it, m: {mass_g:.3f} g", highlight=False)
-    return result.save(folder)
+    return result.save(folder, bench.rig)
 
 
 def _show(console: Console, title: str, x_name: str, line: Line, constants: Mapping[str, Constant]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
@@ -10,6 +11,7 @@ from rich.console import Console
 
 from analysis.errors import BadInputError
 from rig.calibration.kept import calibration_for
+from rig.calibration.mixing import check_same_rig, keep_rig
 from rig.commands.asking import ConsoleAnswers
 from rig.commands.showing import TerminalProgress
 from rig.engine.audience import Observer
@@ -31,8 +33,11 @@ _EXAMPLES = files("rig.examples")
 SIMULATED_RIG = "simulated_rig.toml"
 
 
-def run_protocol_file(protocol: Path, *, rig: Path | None, out: Path) -> Path:
+def run_protocol_file(protocol: Path, *, rig: Path | None, out: Path, accept: bool = False) -> Path:
     """Run a protocol, or go on with it where `out` holds its beginning; return the folder of its trials.
+
+    A calibration whose time is over, or another than the trials of `out` were recorded with, is asked for at
+    the terminal; `accept` says yes beforehand.
 
     Raises BadInputError, before anything is written, where a file is wrong; Interrupted after a clean
     stop; RigError where the run failed.
@@ -45,8 +50,14 @@ def run_protocol_file(protocol: Path, *, rig: Path | None, out: Path) -> Path:
         on = "going on" if left.tasks else "nothing is left to run"
         console.print(f"{out}: {left.n_done} of {len(plan.trials)} trials are done, {on}", highlight=False)
     if left.tasks:
-        calibration = calibration_for(settings, rig, console)
+
+        def ask(question: str) -> bool:
+            return accept or _confirmed(question)
+
+        calibration = calibration_for(settings, rig, console, ask)
+        check_same_rig(settings, calibration, out, ask)
         keep_protocol(loaded.toml, out)
+        keep_rig(settings, calibration, out)
         with open_bench(settings, calibration) as bench:
             run_on_bench(bench, plan, left.tasks, out, console=console)
     return out
@@ -65,6 +76,13 @@ def run_on_bench(
         lever = bench.lever
         with Feed(plan.title, out, lever.sample_rate_hz, lever.calibration, control.hear) as feed:
             return Runner(bench, interrupts, [*observers, feed], control=control).run(plan, tasks, out)
+
+
+def _confirmed(question: str) -> bool:
+    """Ask at the terminal; without one the answer is no."""
+    from rich.prompt import Confirm
+
+    return sys.stdin.isatty() and Confirm.ask(question, default=False)
 
 
 def load_rig_or_simulated(rig: Path | None) -> RigFile:

@@ -31,5 +31,5 @@ def make_safe(rig: Path | None) -> Retreat:
         if settings.companion is not None:
             address = stack.enter_context(Companion(settings.companion)).resolve(address)
         stack.enter_context(RigLock(address, settings.card.device, end_guards=True))
-        card = stack.enter_context(Card(address, settings.card.device))
+        card = stack.enter_context(Card(address, settings.card.device, tls=settings.card.tls))
         return bring_to_safety(card, settings.card, settings.lever, calibration)

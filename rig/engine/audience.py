@@ -40,8 +40,9 @@ class Observer(Protocol):
 class Audience:
     """Tells observers, in order, as a context manager.
 
-    The run waits for an observer that keeps up, so that what it does at a state is done in that state; one
-    that blocks costs `patience_s` once. What an observer raises is logged, once each kind.
+    Of a snapshot the run waits for an observer that keeps up, so that what it does at a state is done in that
+    state; one that blocks costs `patience_s` once. Samples are never waited for, nor is anyone on the way
+    off the skin. What an observer raises is logged, once each kind.
     """
 
     def __init__(self, observers: Sequence[Observer], patience_s: float = PATIENCE_S) -> None:
@@ -59,9 +60,9 @@ class Audience:
         for seat in self._seats:
             seat.end(self._patience_s)
 
-    def show(self, snapshot: Snapshot) -> None:
+    def show(self, snapshot: Snapshot, *, wait: bool = True) -> None:
         """Show a snapshot to everyone."""
-        self._tell(lambda observer: observer.show(snapshot))
+        self._tell(lambda observer: observer.show(snapshot), wait=wait)
 
     def follow(self, chunk: Chunk) -> None:
         """Show samples to everyone."""
@@ -71,9 +72,9 @@ class Audience:
         """Tell everyone what began at a sample of the trial, which is at sample `now`."""
         self._tell(lambda observer: observer.mark(name, sample, now))
 
-    def _tell(self, what: Callable[[Observer], None]) -> None:
+    def _tell(self, what: Callable[[Observer], None], *, wait: bool = False) -> None:
         for seat in self._seats:
-            seat.tell(what, self._patience_s)
+            seat.tell(what, self._patience_s if wait else 0.0)
 
 
 class _Seat:
@@ -96,7 +97,7 @@ class _Seat:
         with self._changed:
             self._waiting.append(what)
             self._changed.notify_all()
-            if not self._behind:
+            if patience_s and not self._behind:
                 self._behind = not self._changed.wait_for(self._idle, patience_s)
 
     def end(self, patience_s: float) -> None:

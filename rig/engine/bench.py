@@ -17,7 +17,7 @@ class Bench:
     """An open bench.
 
     `operator` is what stands in for hands; None where they are a person's. `read_s` is the time read and
-    written at once while nothing happens.
+    written at once while nothing happens. `rig` is the rig's name.
     """
 
     lever: Lever
@@ -27,3 +27,4 @@ class Bench:
     balance: Balance | None
     source: Source
     read_s: float = 0.05
+    rig: str = ""

@@ -64,6 +64,7 @@ class Feed:
         self._rate_hz = sample_rate_hz
         self._token = secrets.token_urlsafe(24)
         self._ring = SampleRing(int(RING_S * sample_rate_hz), sample_rate_hz, calibration)
+        self._writing, self._sending = threading.Lock(), threading.Lock()
         self._trial_began = 0
         self._n_trials = 0
         self._context = zmq.Context()
@@ -99,7 +100,7 @@ class Feed:
     def __exit__(self, *_: object) -> None:
         if self._file is not None:
             self._file.unlink(missing_ok=True)
-        with contextlib.suppress(zmq.Again):
+        with self._sending, contextlib.suppress(zmq.Again):
             self._inbox.send(b"", zmq.NOBLOCK)
         self._thread.join(2.0)
         self._inbox.close(linger=0)
@@ -108,26 +109,28 @@ class Feed:
         self._ring.close()
 
     def follow(self, chunk: Chunk) -> None:
-        """Show samples as they come."""
-        self._ring.write(chunk.position_v, chunk.force_v, chunk.command_v)
+        """Show samples as they come; from any thread."""
+        with self._writing:
+            self._ring.write(chunk.position_v, chunk.force_v, chunk.command_v)
 
     def mark(self, name: str, sample: int, now: int) -> None:
         """Set a mark at a sample of the trial, which is at sample `now`.
 
         "trial" begins one, "idle" what is shown and not recorded.
         """
-        if name in {TRIAL, IDLE}:
-            self._trial_began = self._ring.written - now
-        if name == TRIAL:
-            self._n_trials += 1
-        index = self._trial_began + sample
         time_s = time.time() - (now - sample) / self._rate_hz
-        self._ring.mark(name, index, time_s, self._n_trials)
+        with self._writing:
+            if name in {TRIAL, IDLE}:
+                self._trial_began = self._ring.written - now
+            if name == TRIAL:
+                self._n_trials += 1
+            self._ring.mark(name, self._trial_began + sample, time_s, self._n_trials)
 
     def show(self, snapshot: Snapshot) -> None:
-        """Show what the run does now; from one thread. A full outbox drops it: the next one stands for it."""
-        with contextlib.suppress(zmq.Again):
-            self._inbox.send(snapshot.as_message(), zmq.NOBLOCK)
+        """Show what the run does now; from any thread. A full outbox drops it: the next one stands for it."""
+        message = snapshot.as_message()
+        with self._sending, contextlib.suppress(zmq.Again):
+            self._inbox.send(message, zmq.NOBLOCK)
 
     def _serve(self) -> None:
         out = self._context.socket(zmq.XPUB)

@@ -53,11 +53,6 @@ class Interrupts:
         for number, handler in self._before.items():
             signal.signal(number, handler)
 
-    @property
-    def asked(self) -> bool:
-        """Whether a stop was asked for."""
-        return self._asked
-
     def request(self) -> None:
         """Ask for a stop, as Ctrl-C does; from any thread."""
         self._asked = True

@@ -8,23 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.recordings.trial import FloatArray, Surface
-from rig.engine.errors import ContactLostError, ContactTooEarlyError, OvershotError, SurfaceNotFoundError
+from rig.engine.errors import ContactLostError, OvershotError, SurfaceNotFoundError
+from rig.engine.positioning import SHORTEST_WAY, Contact
 from rig.engine.recorder import Recorder
 from rig.engine.states import State
-from rig.hardware.lever import Chunk, Lever, Playback
+from rig.hardware.lever import Lever, Playback
 from rig.protocols.contact import ContactDetector, LeavingDetector, ReleaseDetector, locate_crossing
-from rig.protocols.indenting import FREE_S, SKIN_MARGIN_MN
+from rig.protocols.indenting import FREE_S
 from rig.protocols.steps import Approach, Motion, RampTo, Retract, Stay, Sweep
 from rig.protocols.waveforms import ramp_mm, there_and_back_mm
-
-POSITIONING_MM_S = 10.0
-"""Speed of a move away in the air before a recording; towards the finger it is the rig's speed of approach."""
-
-_MET = (8, 10)
-"""Something is met when so many of so many samples are above the threshold."""
-
-_MET_READ = 40
-_SHORTEST_WAY = 2
 
 _SWEEP_MARGIN_MN = 50.0
 """Force above that of the free arm in an air sweep that no friction, weight or inertia of the arm adds."""
@@ -43,25 +35,6 @@ class _Free:
 
     force_mn: float
     noise_mn: float
-
-
-class _Contact:
-    """Tells contact in the samples of an approach, shown in the reader thread as soon as they come."""
-
-    def __init__(self, detector: ContactDetector, free_mn: float) -> None:
-        self._detector = detector
-        self._free_mn = free_mn
-        self._first: int | None = None
-        self.decided: int | None = None
-        """The sample that decided, counted from the start of the recording."""
-
-    def __call__(self, chunk: Chunk) -> bool:
-        if self._first is None:
-            self._first = chunk.start
-        decided = self._detector.feed(chunk.force_mn - self._free_mn)
-        if decided is not None:
-            self.decided = self._first + decided
-        return decided is not None
 
 
 class TrialMotions:
@@ -115,7 +88,7 @@ class TrialMotions:
         free = f"the free arm's {self._free.force_mn:.4g} mN"
         recorder.note(first, "threshold", f"contact at {threshold} above {free}")
         detector = ContactDetector(threshold_mn, step.samples_above, step.samples_watched)
-        contact = _Contact(detector, self._free.force_mn)
+        contact = Contact(detector, self._free.force_mn)
         if step.force_margin_mn is not None:
             lever.look_for_force(self._free.force_mn + threshold_mn + step.force_margin_mn)
         stop = self._until_contact(step, contact)
@@ -136,7 +109,7 @@ class TrialMotions:
         recorder.note(stop, "contact", found)
         self._say(f"{found} (threshold {threshold})")
 
-    def _until_contact(self, step: Approach, contact: _Contact) -> int | None:
+    def _until_contact(self, step: Approach, contact: Contact) -> int | None:
         """Approach until contact; the sample at which the arm stopped, None at the end of the travel.
 
         An output that ran dry on the way, since the computer or the card's server stood still, stopped the
@@ -156,7 +129,7 @@ class TrialMotions:
                 f"the output ran dry and the arm stopped by itself at {lever.commanded_mm:.3f} mm",
             )
             start_mm, waveform = self._way(step)
-            playback = lever.go_on(waveform) if len(waveform) >= _SHORTEST_WAY else None
+            playback = lever.go_on(waveform) if len(waveform) >= SHORTEST_WAY else None
         lever.halt()
         return contact.decided
 
@@ -281,42 +254,6 @@ class TrialMotions:
         recorder.begin_phase(phase, begun)
         recorder.take_until(begun + playback.n)
         return begun + playback.n
-
-
-def move_to(lever: Lever, position_mm: float, threshold_mn: float, check: Callable[[], None]) -> None:
-    """Move in the air to a position, before a recording, watching the force.
-
-    Towards the finger it goes as an approach does, bounded whatever stands still. Raises ContactTooEarlyError
-    where the force rises by `threshold_mn` on the way; the arm is halted then.
-    """
-    towards = position_mm > lever.commanded_mm
-    speed_mm_s = lever.limits.approach_speed_max_mm_s if towards else POSITIONING_MM_S
-
-    def way_mm() -> FloatArray:
-        return ramp_mm(lever.commanded_mm, position_mm, speed_mm_s, lever.sample_rate_hz)
-
-    waveform = way_mm()
-    if len(waveform) < _SHORTEST_WAY:
-        return
-    read = round(_SETTLE_S * lever.sample_rate_hz)
-    lever.start_recording()
-    free_mn = float(np.mean(lever.read(read).force_mn))
-    met = _Contact(ContactDetector(threshold_mn, *_MET), free_mn)
-    lever.look_for_force(free_mn + threshold_mn + SKIN_MARGIN_MN)
-    playback = lever.play_until(waveform, met, _MET_READ)
-    while playback is not None:
-        while not playback.done:
-            check()
-            lever.read(read)
-        waveform = way_mm()
-        playback = lever.go_on(waveform) if playback.starved and len(waveform) >= _SHORTEST_WAY else None
-    stopped_mm = lever.halt()
-    if met.decided is not None:
-        raise ContactTooEarlyError(
-            f"the arm met something at {stopped_mm:.3f} mm on its way to {position_mm:.3f} mm: "
-            "clear the way, or let the approach start earlier (surface.start_mm)"
-        )
-    lever.stop_recording()
 
 
 def _played(waveform: FloatArray, start_mm: float, stopped_mm: float) -> int:

@@ -35,10 +35,16 @@ class CalibrationResult:
     valid_days: float
     about: Mapping[str, Any] = field(default_factory=dict)
 
-    def save(self, folder: Path) -> Path:
-        """Write the calibration file, which later runs of this rig load; return its path."""
+    def save(self, folder: Path, rig: str) -> Path:
+        """Write the calibration file, which later runs of the rig of this name load; return its path."""
         return save_calibration(
-            folder, self.kind, self.constants, self.line, valid_days=self.valid_days, about=self.about
+            folder,
+            self.kind,
+            self.constants,
+            self.line,
+            rig=rig,
+            valid_days=self.valid_days,
+            about=self.about,
         )
 
     def shown(self, in_use: Calibration) -> CalibrationShown:

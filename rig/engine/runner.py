@@ -19,7 +19,8 @@ from rig.engine.control import Control, Skipped
 from rig.engine.filing import Filing, TrialFile
 from rig.engine.idling import Idling, Nothing
 from rig.engine.interrupts import CutShort, Interrupts
-from rig.engine.motions import TrialMotions, move_to
+from rig.engine.motions import TrialMotions
+from rig.engine.positioning import move_to
 from rig.engine.preparing import Preparations, Prepared
 from rig.engine.progress import CalibrationShown, Snapshot
 from rig.engine.recorder import Recorder
@@ -122,8 +123,10 @@ class Runner:
             self._idle.end()
             self._leave()
             said = " ".join(str(error).split())
-            telling.change(error=said, message=said, prompt=None, rest_left_s=0.0, file="")
-            telling.enter(State.STOPPED if isinstance(error, KeyboardInterrupt) else State.FAILED)
+            stopped = isinstance(error, KeyboardInterrupt)
+            fault = "" if stopped else said
+            telling.change(error=fault, message=said, prompt=None, rest_left_s=0.0, file="")
+            telling.enter(State.STOPPED if stopped else State.FAILED)
             raise
         self._idle.end()
         telling.say("")
@@ -225,11 +228,15 @@ class Runner:
                 telling.found(motions.surface)
             n = recorder.n
         except BaseException:
-            recorder.cut_short()
+            # of a trial that is cut short, all that was fetched is kept
+            filing.end(None, None if lever.loopback_wired else recorder.command_v)
+            try:
+                self._leave()  # the arm first: what is written of it waits for the disk
+            finally:
+                recorder.cut_short()
             raise
         finally:
             telling.mark(END, recorder.n, recorder.n)
-            # of a trial that is cut short, all that was fetched is kept
             filing.end(n, None if lever.loopback_wired else recorder.command_v)
         if motions.surface is not None:
             self._contact_mm = motions.surface.position_mm
@@ -272,7 +279,7 @@ class Runner:
             calibration=lever.calibration,
             protocol=trial.summary,
             specimen=self._specimen(trial),
-            log=(f"recorded by indenter as {trial.name}", *prepared.words),
+            log=(f"recorded by indenter as {trial.name} on the rig {self._bench.rig!r}", *prepared.words),
         )
         travel_mm = lever.limits.travel_max_mm - lever.limits.travel_min_mm
         room_s = trial.longest_s(travel_mm) + _ROOM_S

@@ -21,6 +21,7 @@ from queue import Empty, SimpleQueue
 
 from analysis.errors import BadInputError
 from rig.calibration.kept import FOLDER, CalibrationFile, calibration_folder, newest_calibration
+from rig.calibration.mixing import check_same_rig, keep_rig
 from rig.engine.bench import Bench
 from rig.engine.control import Control
 from rig.engine.feed import IDLE, Feed
@@ -139,7 +140,10 @@ class Session:
             message = f"{out}: all {loaded.left.n_done} trials are done, nothing is left to run"
             self._snapshot = replace(self._snapshot, message=message, out=str(out))
             return
+        calibration = self._bench.lever.calibration
+        check_same_rig(self._rig, calibration, out, lambda _: False)
         keep_protocol(loaded.toml, out)
+        keep_rig(self._rig, calibration, out)
         self._record(loaded.plan, loaded.left.tasks, out, order.hands, lambda _: None)
 
     def _calibrate(self, order: Calibrate) -> None:
@@ -164,7 +168,7 @@ class Session:
             return
         self._result = None
         if order.keep:
-            path = result.save(self._folder)
+            path = result.save(self._folder, self._rig.name)
             shown = replace(shown, decision="kept", file=str(path))
         else:
             shown = replace(shown, decision="left")

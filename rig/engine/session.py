@@ -57,7 +57,7 @@ def open_bench(rig: RigFile, calibration: Calibration) -> Iterator[Bench]:
 
         card_address = resolve(rig.card.address)
         lock = stack.enter_context(RigLock(card_address, rig.card.device))
-        with Card(card_address, rig.card.device) as card:
+        with Card(card_address, rig.card.device, tls=rig.card.tls) as card:
             # the lock is this run's: tasks of this name are those of a dead one
             card.clear_left_over_tasks()
         clock: Clock = RemoteClock(service(rig.clock)) if rig.clock else SystemClock()
@@ -82,4 +82,5 @@ def open_bench(rig: RigFile, calibration: Calibration) -> Iterator[Bench]:
             balance=balance,
             source="simulated" if rig.companion is not None else "nidaqmx",
             read_s=min(_LONGEST_READ_S, 2 * rig.card.read_interval_s),
+            rig=rig.name,
         )

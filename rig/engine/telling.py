@@ -118,4 +118,4 @@ class Telling:
             **values,
         )
         self._shown_at = time.monotonic()
-        self._audience.show(self.snapshot)
+        self._audience.show(self.snapshot, wait=self.state is not State.LEAVING)

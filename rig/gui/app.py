@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 from pathlib import Path
 
 
-def open_window(rig: Path | None, *, simulated: bool = False) -> int:
-    """Open the bench window with a rig, else the last one, else the simulated; return the exit code."""
+def open_window(rig: Path | None) -> int:
+    """Open the bench window with a rig, else the last one, else the simulated; return the exit code.
+
+    Ctrl-C and SIGTERM close it as an answered question would: what runs is stopped, the arm taken clear.
+    """
     import platformdirs
+    from PySide6.QtCore import QTimer
     from PySide6.QtWidgets import QApplication
 
     from rig.gui.habits import Habits
@@ -19,8 +24,11 @@ def open_window(rig: Path | None, *, simulated: bool = False) -> int:
     habits = Habits()
     window = Window(habits, Path(platformdirs.user_log_path("indenter")))
     window.show()
-    window.connect_rig(rig if rig is not None or simulated else habits.rig)
+    window.connect_rig(rig if rig is not None else habits.rig)
+    # heard within a turn of the window's timer, and done after it
+    for kind in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(kind, lambda *_: QTimer.singleShot(0, window.close_now))
     code = app.exec()
-    # the window goes before Qt does: a plot that outlives it brings the program down
-    del window
+    # closed before Qt goes: a plot still open then brings the program down
+    window.close_now()
     return code

@@ -26,6 +26,12 @@ _UNANSWERED_S = 3.0
 
 _LOST_SILENT_S = 4.0
 
+_LETS_GO_S = 20.0
+"""A bench that is let go has so long to end before the next one is started."""
+
+_OBEYS_S = 2.0
+"""A bench that has not begun to take the arm off the skin so long after an abort is ended: its guard then acts."""
+
 
 class BenchLink(QObject):
     """Pulls 30 times a second what the bench shows: samples into `bins`, snapshots into `state`.
@@ -49,6 +55,7 @@ class BenchLink(QObject):
         self._left: list[RunnerProcess] = []
         self._asked: dict[str, tuple[str, float]] = {}
         self._aborted_at: float | None = None
+        self._opening: Path | None = None
         self._opening_since = 0.0
         self._skip = False
         self._timer = QTimer(self)
@@ -68,15 +75,24 @@ class BenchLink(QObject):
         path = rig_for_the_window(rig)
         name = "simulated rig" if rig is None else rig.name
         self._opening_since = time.monotonic()
-        try:
-            self._process = RunnerProcess(path, self.log)
-        except OSError as error:
-            self._tell(BenchState(link="died", rig=name, trouble=f"{error}"))
-            self.said.emit(f"the rig's program could not be started: {error}", "bad")
-            return
+        self._opening = path
         self.bins, self._aborted_at = None, None
         self.said.emit(f"connecting to {name} ({path})", "")
         self._tell(BenchState(link="opening", rig=name))
+        self._start_when_free()
+
+    def _start_when_free(self) -> None:
+        """Start the bench that is to be opened, once the one before has let go of the rig."""
+        path = self._opening
+        waited_s = time.monotonic() - self._opening_since
+        if path is None or (self._left and waited_s < _LETS_GO_S):
+            return
+        self._opening = None
+        try:
+            self._process = RunnerProcess(path, self.log)
+        except OSError as error:
+            self._tell(BenchState(link="died", rig=self.state.rig, trouble=f"{error}"))
+            self.said.emit(f"the rig's program could not be started: {error}", "bad")
 
     def let_go(self) -> None:
         """Let the bench end: what runs is stopped, the arm taken clear."""
@@ -85,6 +101,7 @@ class BenchLink(QObject):
             self._process.forget()
             self._left.append(self._process)
             self._process = None
+        self._opening = None
         self._asked.clear()
         self._tell(BenchState())
 
@@ -133,6 +150,7 @@ class BenchLink(QObject):
     def _turn(self) -> None:
         began = time.monotonic()
         self._reap()
+        self._start_when_free()
         process = self._process
         if process is not None:
             snapshot = process.poll()
@@ -217,6 +235,13 @@ class BenchLink(QObject):
             self._tell(replace(self.state, link="silent", trouble="the rig's program does not answer"))
             self.said.emit("the rig's program does not answer; its guard acts by itself", "bad")
         now = time.monotonic()
+        if self._aborted_at is not None and now - self._aborted_at > _OBEYS_S:
+            if self.state.running and self.state.snapshot.state is not State.LEAVING:
+                self.said.emit(
+                    "the rig's program does not obey: it is ended, its guard takes the arm clear", "bad"
+                )
+                process.end_frozen()
+            self._aborted_at = None
         for request_id, (do, asked_at) in list(self._asked.items()):
             if now - asked_at > _UNANSWERED_S:
                 del self._asked[request_id]
@@ -226,6 +251,7 @@ class BenchLink(QObject):
     def _died(self, process: RunnerProcess) -> None:
         why = process.last_words()
         was = self.state
+        process.let_go()
         process.forget()
         self._process = None
         self._asked.clear()

@@ -42,7 +42,9 @@ def expired(item: CalibrationInUse) -> bool:
     return bool(item.valid_until) and datetime.fromisoformat(item.valid_until) < datetime.now().astimezone()
 
 
-def reminder(calibrations: tuple[CalibrationInUse, ...]) -> str:
-    """Return what is to be said before a study on these: the old and the missing; empty where all is well."""
-    told = [in_use_words(item) for item in calibrations if not item.calibrated or expired(item)]
+def reminder(calibrations: tuple[CalibrationInUse, ...], *, simulated: bool) -> str:
+    """Return what is to be said before a study on these: those that are old or, on a real rig, missing."""
+    told = [
+        in_use_words(item) for item in calibrations if expired(item) or not (item.calibrated or simulated)
+    ]
     return "\n".join(told)

@@ -11,7 +11,7 @@ from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QCheckBox, QHBoxLayout, QVBoxLayout, QWidget
 
 from rig.gui.controls import choice, say, words
-from rig.gui.jobs.comparing import Comparison
+from rig.gui.jobs.comparing import Comparison, Offer
 from rig.gui.jobs.report_file import Window
 from rig.gui.theme import LIGHT, Theme, restyle_plot
 
@@ -35,6 +35,7 @@ class ComparisonPlot(QWidget):
         self._windows: tuple[Window, ...] = ()
         self._marks: list[pg.GraphicsObject] = []
         self._paths: tuple[str, ...] = ()
+        self._offer = Offer((), {})
         self._which = choice("which trial", (), "", lambda _: self._ask())
         self._after_box = QCheckBox("show what the simulation with the missing physics leaves")
         self._after_box.setChecked(True)
@@ -69,16 +70,27 @@ class ComparisonPlot(QWidget):
         layout.addWidget(self._note)
         self.restyle(LIGHT)
 
-    def offer(self, paths: Sequence[str], windows: Sequence[Window]) -> None:
+    @property
+    def shown(self) -> Comparison | None:
+        """The trial that is drawn."""
+        return self._comparison
+
+    def offer(self, offer: Offer, windows: Sequence[Window]) -> None:
         """Offer trials to be compared, and ask for the first; ``windows`` are marked in each."""
-        self._paths, self._windows = tuple(paths), tuple(windows)
+        self._offer, self._paths, self._windows = offer, offer.paths, tuple(windows)
         self._comparison = None
         self._which.blockSignals(True)
         self._which.clear()
-        self._which.addItems([Path(path).stem for path in paths])
+        self._which.addItems([Path(path).stem for path in offer.paths])
         self._which.blockSignals(False)
         self._draw()
         self._ask()
+
+    def wait_for(self, what: str) -> None:
+        """Show no trial, and say what is being done meanwhile."""
+        self._paths, self._comparison = (), None
+        self._draw()
+        say(self._note, what, "faint")
 
     def show_comparison(self, comparison: Comparison) -> None:
         """Draw a trial."""
@@ -94,8 +106,9 @@ class ComparisonPlot(QWidget):
         say(self._note, problem, "bad")
 
     def look_at(self, window: Window) -> None:
-        """Zoom to a window."""
-        self.force.setXRange(window.start_s - _CLOSE_UP_S, window.stop_s + _CLOSE_UP_S, padding=0)
+        """Zoom to a window, where it lies in the trial that is shown."""
+        start_s, stop_s = self._place(window)
+        self.force.setXRange(start_s - _CLOSE_UP_S, stop_s + _CLOSE_UP_S, padding=0)
         self._fit_residual()
 
     def restyle(self, theme: Theme) -> None:
@@ -151,13 +164,20 @@ class ComparisonPlot(QWidget):
         for number, window in enumerate(self._windows, start=1):
             if window.stop_s - window.start_s > _EVERYWHERE * whole_s:
                 continue
-            region = pg.LinearRegionItem((window.start_s, window.stop_s), movable=False, pen=pg.mkPen(None))
+            region = pg.LinearRegionItem(self._place(window), movable=False, pen=pg.mkPen(None))
             region.setBrush(pg.mkBrush(colour))
             region.setZValue(-10)
             self.residual.addItem(region)
             name = pg.InfLineLabel(region.lines[0], str(number), position=0.92, color=self._theme.text)
             name.setParentItem(region.lines[0])
             self._marks.append(region)
+
+    def _place(self, window: Window) -> tuple[float, float]:
+        """Return a window's stretch in this trial, whose phases begin sooner or later than in the median."""
+        own = self._comparison.phase_starts_s if self._comparison is not None else {}
+        usual = self._offer.phase_starts_s
+        shift_s = own.get(window.phase, 0.0) - usual.get(window.phase, 0.0) if window.phase in own else 0.0
+        return window.start_s + shift_s, window.stop_s + shift_s
 
     def _marked(self) -> list[tuple[pg.PlotWidget, pg.GraphicsObject]]:
         return [(self.residual, mark) for mark in self._marks]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from PySide6.QtCore import Qt
+from PySide6.QtCore import QSize, Qt
 from PySide6.QtGui import QKeySequence, QShortcut
 from PySide6.QtWidgets import QComboBox, QLabel, QLayout, QPushButton, QSizePolicy, QWidget
 
@@ -40,12 +40,11 @@ def choice(name: str, items: Sequence[str], current: str, changed: Callable[[str
 
 def words(text: str = "", role: str = "", *, wrap: bool = True) -> QLabel:
     """Return a label whose text can be selected; ``role`` is one of the style sheet's (bad, good, note, ...)."""
-    made = QLabel(text)
+    made = _WrappedLabel() if wrap else QLabel()
     made.setWordWrap(wrap)
     made.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
     if wrap:
         made.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
-        made.setMinimumWidth(60)
     say(made, text, role)
     return made
 
@@ -66,6 +65,14 @@ def emptied(layout: QLayout) -> None:
         if widget is not None:
             widget.hide()
             widget.deleteLater()
+
+
+class _WrappedLabel(QLabel):
+    """A label of several lines that makes no window taller: Qt would ask for the height at the least width."""
+
+    def minimumSizeHint(self) -> QSize:  # noqa: N802
+        """One line."""
+        return QSize(60, self.fontMetrics().height())
 
 
 class _CalmComboBox(QComboBox):

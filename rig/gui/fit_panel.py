@@ -208,7 +208,7 @@ class FitPanel(QWidget):
     def _draw(self) -> None:
         picture = self._picture
         curves = (self._recorded, self._fitted, self._left, self._means)
-        if picture is None or not picture.row.fitted:
+        if picture is None:
             for curve in curves:
                 curve.setData([], [])
             return

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import QPointF, QRectF, Qt, Signal
-from PySide6.QtGui import QColor, QPainter
+from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QVBoxLayout, QWidget
 
-from rig.engine.ring import END, IDLE, TRIAL, Mark
+from rig.engine.ring import TRIAL
 from rig.gui.bench_link import BenchLink
 from rig.gui.bench_state import BenchState
 from rig.gui.bins import Trace, fine_trace
+from rig.gui.live_marks import LimitLines, PhaseShade, phases_between
 from rig.gui.theme import LIGHT, Theme, restyle_plot
 
 SPANS_S = (1.0, 2.0, 5.0, 10.0, 30.0, 60.0, 300.0, 1800.0)
@@ -58,7 +57,7 @@ class LivePlot(QWidget):
             layout.addWidget(plot, 1)
         self._plots[1].setXLink(self._plots[0])
         self._plots[0].getAxis("bottom").setStyle(showValues=False)
-        self._lines = _Lines(*self._plots)
+        self._lines = LimitLines(*self._plots)
         self._titles()
         self.restyle(LIGHT)
 
@@ -217,108 +216,3 @@ class LivePlot(QWidget):
         else:
             self.step_span(-1 if event.angleDelta().y() > 0 else 1)
             event.accept()
-
-
-def phases_between(marks: Sequence[Mark], start: int, stop: int, newest: int) -> list[tuple[int, int, str]]:
-    """Return the phases that lie between two samples: first sample, the one after the last, name."""
-    if not marks:
-        return []
-    ends = [*(mark.index for mark in marks[1:]), newest]
-    return [
-        (mark.index, end, mark.name)
-        for mark, end in zip(marks, ends, strict=True)
-        if mark.name not in {TRIAL, END, IDLE} and mark.index < stop and end > start and end > mark.index
-    ]
-
-
-class PhaseShade(pg.GraphicsObject):  # type: ignore[misc]
-    """The grounds behind a trial's phases, with their names at the top."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._stretches: list[tuple[float, float, str]] = []
-        self._theme = LIGHT
-        self.setZValue(-100)
-
-    def show(self, stretches: list[tuple[float, float, str]]) -> None:
-        """Show these: from, to, name; in the plot's own x."""
-        if stretches != self._stretches:
-            self._stretches = stretches
-            self.update()
-
-    def restyle(self, theme: Theme) -> None:
-        """Take the theme's colours."""
-        self._theme = theme
-        self.update()
-
-    def boundingRect(self) -> QRectF:  # noqa: N802
-        """All that is seen: the grounds reach from edge to edge."""
-        return QRectF(self.viewRect())
-
-    def dataBounds(self, *_: object, **__: object) -> None:  # noqa: N802
-        """The grounds have no say in the axes' ranges."""
-        return
-
-    def viewRangeChanged(self) -> None:  # noqa: N802
-        """The view is another one."""
-        self.prepareGeometryChange()
-
-    def paint(self, painter: QPainter, *_: object) -> None:
-        """Paint the grounds, then the names, which are not scaled with the data."""
-        view = self.viewRect()
-        for left, right, name in self._stretches:
-            ground = QRectF(left, view.top(), right - left, view.height()).intersected(QRectF(view))
-            painter.fillRect(ground, QColor(self._theme.phase(name)))
-        transform = painter.transform()
-        painter.resetTransform()
-        painter.setPen(QColor(self._theme.faint))
-        height = painter.fontMetrics().height()
-        for left, right, name in self._stretches:
-            a = transform.map(QPointF(max(left, view.left()), 0)).x()
-            b = transform.map(QPointF(min(right, view.right()), 0)).x()
-            if b - a > painter.fontMetrics().horizontalAdvance(name) + 6:
-                top = min(
-                    transform.map(QPointF(0, view.top())).y(), transform.map(QPointF(0, view.bottom())).y()
-                )
-                painter.drawText(QPointF(a + 4, top + height), name)
-
-
-class _Lines:
-    """Limits, threshold and surface, as lines across the plots."""
-
-    def __init__(self, position: Any, force: Any) -> None:
-        self._made: dict[str, Any] = {}
-        for plot, names in (
-            (position, ("travel limit", "travel limit ", "surface")),
-            (force, ("force limit", "force limit ", "threshold")),
-        ):
-            for name in names:
-                line = pg.InfiniteLine(
-                    angle=0, label=name.strip(), labelOpts={"position": 0.06, "anchors": [(0, 1), (0, 1)]}
-                )
-                line.hide()
-                plot.addItem(line, ignoreBounds=True)
-                self._made[name] = line
-
-    def show(self, state: BenchState, *, in_volts: bool) -> None:
-        snapshot, bench = state.snapshot, state.snapshot.bench
-        values: dict[str, float | None] = {
-            "travel limit": bench.travel_max_mm if bench else None,
-            "travel limit ": bench.travel_min_mm if bench else None,
-            "force limit": bench.force_max_mn if bench else None,
-            "force limit ": -bench.force_max_mn if bench else None,
-            "surface": snapshot.surface_mm,
-            "threshold": snapshot.threshold_mn if state.running else None,
-        }
-        for name, value in values.items():
-            line = self._made[name]
-            line.setVisible(value is not None and not in_volts)
-            if value is not None and line.value() != value:
-                line.setValue(value)
-
-    def restyle(self, theme: Theme) -> None:
-        for name, line in self._made.items():
-            colour = theme.bad if "limit" in name else theme.note
-            style = Qt.PenStyle.DashLine if "limit" in name else Qt.PenStyle.DotLine
-            line.setPen(pg.mkPen(colour, width=1, style=style))
-            line.label.setColor(colour)

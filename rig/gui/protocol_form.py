@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from PySide6.QtCore import Signal
+from PySide6.QtCore import QObject, Signal
 from PySide6.QtWidgets import (
     QCheckBox,
     QComboBox,
@@ -61,7 +61,7 @@ class ProtocolForm(QScrollArea):
             grid.setVerticalSpacing(3)
             for field in draft.fields:
                 if field.table == table:
-                    self._add(grid, field, draft)
+                    self._add(box, grid, field, draft)
             column.addWidget(box)
         column.addStretch(1)
         self.setWidget(inside)
@@ -75,8 +75,8 @@ class ProtocolForm(QScrollArea):
             told |= {fault for fault in faults.values() if text and fault.endswith(text)}
         return [text for text in faults.values() if text not in told]
 
-    def _add(self, grid: QGridLayout, field: Field, draft: ProtocolDraft) -> None:
-        line = FieldLine(field, draft.value(field))
+    def _add(self, box: QGroupBox, grid: QGridLayout, field: Field, draft: ProtocolDraft) -> None:
+        line = FieldLine(field, draft.value(field), box)
         row = grid.rowCount()
         name = QLabel(field.label)
         name.setToolTip(field.tip)
@@ -94,13 +94,13 @@ class ProtocolForm(QScrollArea):
         self.changed.emit()
 
 
-class FieldLine(QWidget):
+class FieldLine(QObject):
     """The editor of one value; it holds whatever was typed, and never corrects it by itself."""
 
     edited = Signal()
 
-    def __init__(self, field: Field, value: Any) -> None:
-        super().__init__()
+    def __init__(self, field: Field, value: Any, parent: QObject) -> None:
+        super().__init__(parent)
         self.field = field
         self._stated = value
         self._boxes: list[QCheckBox] = []
@@ -125,6 +125,12 @@ class FieldLine(QWidget):
         if not text and (self.field.editor != "text" or self._stated is None):
             return None
         return self._typed(text)
+
+    def type_in(self, text: str) -> None:
+        """Type a text into a value that is typed."""
+        assert isinstance(self.editor, QLineEdit)
+        self.editor.setText(text)
+        self.edited.emit()
 
     def show_fault(self, text: str) -> None:
         """Say what is wrong, and mark the editor; nothing where the text is empty."""

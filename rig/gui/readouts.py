@@ -28,6 +28,8 @@ from rig.gui.controls import say, words
 WIDTH = 280
 _AVERAGED_S = 0.02
 _REQUEST_OF = {
+    "Start": "run",
+    "Stop": "stop",
     "Pause": "pause",
     "Go on": "go_on",
     "Skip rest": "skip",
@@ -38,11 +40,11 @@ _REQUEST_OF = {
 
 
 class Readouts(QWidget):
-    """Shows the state of the bench and offers the actions given; an action that waits for its answer says so."""
+    """Shows the state of the bench and offers actions; one that waits for its answer says so."""
 
     volts_wanted = Signal(bool)
 
-    def __init__(self, link: BenchLink, actions: list[QAction]) -> None:
+    def __init__(self, link: BenchLink) -> None:
         super().__init__()
         self._link = link
         self._state = link.state
@@ -79,7 +81,19 @@ class Readouts(QWidget):
         layout.addStretch(1)
         layout.addWidget(self._progress)
         layout.addWidget(self._bar)
-        layout.addLayout(self._buttons(actions))
+        self._grid = QGridLayout()
+        self._grid.setSpacing(4)
+        layout.addLayout(self._grid)
+
+    def offer(self, actions: list[QAction]) -> None:
+        """Put a button for each action below the figures, two in a row."""
+        for i, action in enumerate(actions):
+            button = QToolButton()
+            button.setDefaultAction(action)
+            button.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextOnly)
+            button.setMinimumSize(128, 30)
+            button.setAccessibleName(action.text())
+            self._grid.addWidget(button, i // 2, i % 2)
 
     def show_state(self, state: BenchState) -> None:
         """Render the state."""
@@ -144,18 +158,6 @@ class Readouts(QWidget):
         if overshoot is not None:
             below += f"\novershoot {overshoot:.1f} um"
         self._depth.setText(below)
-
-    def _buttons(self, actions: list[QAction]) -> QGridLayout:
-        grid = QGridLayout()
-        grid.setSpacing(4)
-        for i, action in enumerate(actions):
-            button = QToolButton()
-            button.setDefaultAction(action)
-            button.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextOnly)
-            button.setMinimumSize(128, 30)
-            button.setAccessibleName(action.text())
-            grid.addWidget(button, i // 2, i % 2)
-        return grid
 
 
 def _figure(name: str) -> QLabel:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from rig.engine.announcing import announcement_of
-from rig.engine.following import SILENT_S, Follower
+from rig.engine.following import Follower
 from rig.engine.progress import Snapshot
 from rig.hardware.processes import own_session
 
@@ -51,11 +51,6 @@ class RunnerProcess:
     def silent_s(self) -> float:
         """How long nothing has been heard, s."""
         return time.monotonic() - self._heard
-
-    @property
-    def frozen(self) -> bool:
-        """Whether the process lives and has fallen silent."""
-        return self._follower is not None and self.silent_s > 2 * SILENT_S and self.exit_code is None
 
     @property
     def exit_code(self) -> int | None:

@@ -86,7 +86,7 @@ class _Photographer:
         protocol.write_text(STUDY, encoding="utf-8")
         window.study.load(protocol, folder)
         window.shell.show_page("Study")
-        window.start()
+        window.commands.start()
         self._until(lambda: window.shell.banner.stands)
         self._photograph("2-study-prompt")
         window.study.by_bench.setChecked(True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from PySide6.QtCore import QByteArray, QSize, Qt, QTimer, Signal
+from PySide6.QtCore import QByteArray, QSize, Qt, QTimer
 from PySide6.QtWidgets import (
     QButtonGroup,
     QHBoxLayout,
@@ -24,8 +24,6 @@ _STAY = frozenset({"bad", "done"})
 
 class Shell(QWidget):
     """Puts header, banner, rail, pages and the column beside them together."""
-
-    page_shown = Signal(str)
 
     def __init__(self, column: QWidget) -> None:
         super().__init__()
@@ -102,7 +100,6 @@ class Shell(QWidget):
         for button in self._buttons.buttons():
             button.setChecked(button.property("page") == name)
         self.pages[name].setFocus()
-        self.page_shown.emit(name)
 
     def tell(self, line: str, kind: str) -> None:
         """Show a message: failures (bad) and what an abort did (done) stay until they are put away."""

@@ -68,6 +68,7 @@ class StudyTable(QAbstractTableModel):
         super().__init__()
         self.rows: list[StudyRow] = []
         self._place: dict[str, int] = {}
+        self._told: tuple[Ended, ...] = ()
         self._theme = LIGHT
 
     def load(self, trials: Sequence[PlannedTrial]) -> None:
@@ -100,12 +101,11 @@ class StudyTable(QAbstractTableModel):
             self._change(name, state=state, file=header.path, quality=header.discarded)
 
     def take_snapshot(self, snapshot: Snapshot) -> None:
-        """Take what a run says: what has ended, and what is under way."""
+        """Take what a run says that it has not said before: what has ended, and what is under way."""
         folder = Path(snapshot.out)
-        latest: dict[str, Ended] = {}
-        for ended in snapshot.ended:
-            latest[ended.trial] = ended
-        for name, ended in latest.items():
+        fresh_ends = newly(self._told, snapshot.ended)
+        self._told = snapshot.ended
+        for name, ended in ((ended.trial, ended) for ended in fresh_ends):
             place = self._place.get(name)
             if place is None:
                 continue
@@ -116,9 +116,11 @@ class StudyTable(QAbstractTableModel):
             fresh = {} if row.file == file else {"a0_mn": None, "t1_s": None, "t2_s": None, "raised": False}
             quality = ended.reason if ended.outcome != "complete" else (row.quality if not fresh else "")
             self._change(name, state=ended.outcome, file=file, quality=quality, **fresh)
+        last = snapshot.ended[-1].trial if snapshot.ended else ""
         for row in self.rows:
             under_way = snapshot.state not in AT_REST and row.name == snapshot.trial
-            if under_way and snapshot.state is not State.SAVED:
+            # what it ended as stands until it is recorded again
+            if under_way and (row.name != last or snapshot.file):
                 self._change(row.name, state=str(snapshot.state))
             elif not under_way and row.state in _UNDER_WAY:
                 self._change(row.name, state="to do")
@@ -207,9 +209,16 @@ class StudyTable(QAbstractTableModel):
             self.dataChanged.emit(self.index(place, 0), self.index(place, len(_COLUMNS) - 1))
 
 
-_UNDER_WAY: Mapping[str, State] = {
-    str(state): state for state in State if state not in AT_REST and state is not State.SAVED
-}
+_UNDER_WAY: Mapping[str, State] = {str(state): state for state in State if state not in AT_REST}
+
+
+def newly(before: tuple[Ended, ...], now: tuple[Ended, ...]) -> tuple[Ended, ...]:
+    """Return what a list, to which is added at the end and dropped at the beginning, holds that is new."""
+    for dropped in range(len(before) + 1):
+        kept = len(before) - dropped
+        if before[dropped:] == now[:kept]:
+            return now[kept:]
+    return now
 
 
 def _cells(row: StudyRow) -> tuple[str, ...]:

@@ -90,11 +90,14 @@ THEMES = {theme.name: theme for theme in (LIGHT, DARK)}
 
 def apply_theme(app: QApplication, theme: Theme) -> None:
     """Give the whole program a look; pages restyle their plots themselves (`restyle_plot`)."""
-    app.setStyle("Fusion")
+    # each of these polishes every widget there is: no more of them than needed
+    if app.style().objectName() != "fusion" and not app.styleSheet():
+        app.setStyle("Fusion")
+    if app.font().pointSizeF() != _FONT_PT:
+        font = QFont(app.font())
+        font.setPointSizeF(_FONT_PT)
+        app.setFont(font)
     app.setPalette(palette_of(theme))
-    font = QFont(app.font())
-    font.setPointSizeF(_FONT_PT)
-    app.setFont(font)
     app.setStyleSheet(_style_sheet(theme))
 
 
@@ -127,6 +130,7 @@ def restyle_plot(plot: Any, theme: Theme) -> None:
     if hasattr(plot, "setBackground"):
         plot.setBackground(theme.ground)
     item = plot.getPlotItem() if hasattr(plot, "getPlotItem") else plot
+    item.setContentsMargins(0, 8, 8, 0)  # else the uppermost number is cut off
     for side in ("left", "bottom", "right", "top"):
         axis = item.getAxis(side)
         axis.setPen(theme.line)

@@ -58,7 +58,7 @@ class TrialActions(QWidget):
         paths = [row.path for row in self._rows() if row.header is None or not row.header.problem]
         model: Model = "step" if self.model.currentText() == "step" else "ramp"
         self._worker.forget(_KEY)
-        self._fit_next(paths, len(paths), model)
+        self._fit_next(paths, 0, 0, model)
 
     def stop(self) -> None:
         """Leave the trials that are not fitted yet."""
@@ -192,22 +192,27 @@ class TrialActions(QWidget):
         made.setMenu(menu)
         return made
 
-    def _fit_next(self, waiting: Sequence[str], in_all: int, model: Model) -> None:
+    def _fit_next(self, waiting: Sequence[str], n_fitted: int, n_failed: int, model: Model) -> None:
+        done = n_fitted + n_failed
         if not waiting:
             self._stop.hide()
-            say(self._words, f"{in_all} trials fitted by the {model} model" if in_all else "", "faint")
+            others = f"; {n_failed} can't be, the column flags says why" if n_failed else ""
+            say(
+                self._words, f"{n_fitted} trials fitted by the {model} model{others}" if done else "", "faint"
+            )
             return
         self._stop.show()
-        say(self._words, f"fitting {in_all - len(waiting)} of {in_all}", "faint")
+        say(self._words, f"fitting {done} of {done + len(waiting)}", "faint")
         now, later = list(waiting[:_FITS_AT_A_TIME]), waiting[_FITS_AT_A_TIME:]
 
         def got(rows: list[TrialFit]) -> None:
             self.fitted.emit(dict(zip(now, rows, strict=True)))
-            self._fit_next(later, in_all, model)
+            good = sum(row.fitted for row in rows)
+            self._fit_next(later, n_fitted + good, n_failed + len(rows) - good, model)
 
         def failed(problem: str) -> None:
             self.said.emit(problem)
-            self._fit_next(later, in_all, model)
+            self._fit_next(later, n_fitted, n_failed + len(now), model)
 
         self._worker.ask("fits", fit_rows, now, model, then=got, failed=failed, key=_KEY)
 

@@ -6,7 +6,6 @@ import gc
 import time
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from PySide6.QtCore import QByteArray, QTimer
 from PySide6.QtGui import QAction, QCloseEvent
@@ -17,17 +16,18 @@ from rig.gui.actions import make_actions, page_actions
 from rig.gui.asking import ask_file
 from rig.gui.bench_link import BenchLink
 from rig.gui.bench_state import BenchState
-from rig.gui.calibration_words import reminder
 from rig.gui.habits import Habits
-from rig.gui.jobs.marking import discard, take_back
 from rig.gui.keys import KeyFilter
 from rig.gui.pages.calibration import CalibrationPage
 from rig.gui.pages.live import LivePage
 from rig.gui.pages.log import LogPage
+from rig.gui.pages.mismatch import MismatchPage
+from rig.gui.pages.protocol import ProtocolPage
 from rig.gui.pages.study import StudyPage
 from rig.gui.pages.trials import TrialsPage
 from rig.gui.questions import Ask, Choices, ask
 from rig.gui.readouts import Readouts
+from rig.gui.running import StudyCommands
 from rig.gui.shell import Shell, restored
 from rig.gui.simulated import rig_for_the_window
 from rig.gui.theme import THEMES, apply_theme
@@ -35,6 +35,7 @@ from rig.gui.worker import Worker
 from rig.settings.reading import load_rig
 
 _READOUT_MS = 100
+_BESIDE_THE_PLOTS = ("Start", "Stop", "Pause", "Go on", "Skip rest", "Retreat", "Repeat", "Discard")
 
 
 class Window(QMainWindow):
@@ -49,15 +50,20 @@ class Window(QMainWindow):
         self.link = BenchLink(logs / "bench.log", self)
         self._prompt_since: float | None = None
         self._may_close = False
-        self.actions_by_name = self._make_actions()
         self.live, self.log = LivePage(self.link), LogPage(logs / "window.log")
         self.study = StudyPage(self.worker, habits)
         self.calibration = CalibrationPage()
         self.trials = TrialsPage(self.worker, habits)
-        names = ("Start", "Stop", "Pause", "Go on", "Skip rest", "Retreat", "Repeat", "Discard")
-        self.readouts = Readouts(self.link, [self.actions_by_name[name] for name in names])
+        self.protocol = ProtocolPage(self.worker, habits)
+        self.mismatch = MismatchPage(self.worker, habits)
+        self.readouts = Readouts(self.link)
         self.shell = Shell(self.readouts)
         self.setCentralWidget(self.shell)
+        self.commands = StudyCommands(
+            self.link, self.study, self.trials, self.shell, self.worker, question, self.say
+        )
+        self.actions_by_name = self._make_actions()
+        self.readouts.offer([self.actions_by_name[name] for name in _BESIDE_THE_PLOTS])
         self._add_pages()
         self._connect()
         self.keys = KeyFilter(
@@ -104,74 +110,6 @@ class Window(QMainWindow):
         start = self.habits.folder("rigs")
         ask_file(self, "Rig file", start, "Rig files (*.toml)", self._rig_chosen)
 
-    def run_protocol(self, protocol: Path) -> None:
-        """Show a protocol on the study page, from where it is started."""
-        if self.link.state.running:
-            self.say(
-                "a run is in progress: let it end, or stop it, before another protocol is loaded", "note"
-            )
-            return
-        if self.study.load(protocol):
-            self.shell.show_page("Study")
-            self.say(f"{protocol.name} is loaded: F5 starts it", "good")
-
-    def start(self) -> None:
-        """Start the study that is shown, or go on with it; asks first where a calibration is old."""
-        if not self.link.state.ready:
-            self.say(f"start: {self.link.state.words}", "note")
-            return
-        if self.study.protocol is None or self.study.out is None:
-            self.shell.show_page("Study")
-            self.say("start: choose a protocol first", "note")
-            return
-        bench = self.link.state.snapshot.bench
-        told = "" if bench is None or bench.simulated else reminder(bench.calibrations)
-        if told:
-            self._ask(
-                self,
-                "Calibration",
-                f"{told}\n\nRun on these constants?",
-                {
-                    "Calibrate first": partial(self.shell.show_page, "Calibrate"),
-                    "Run on these": self._start,
-                },
-            )
-        else:
-            self._start()
-
-    def stop(self) -> None:
-        """End the run, after a question: a study is seldom ended on purpose."""
-        if not self.link.state.running:
-            self.say("stop: nothing runs", "note")
-            return
-        choices: Choices = {"Go on": lambda: None, "Stop the run": partial(self.link.ask, "stop")}
-        self._ask(self, "Stop the run", "The run ends; it can be gone on with later. Stop it?", choices)
-
-    def discard(self, path: Path, reason: str) -> None:
-        """Mark a trial as discarded: by the bench, where it runs in that folder, else here."""
-        state = self.link.state
-        if state.running and Path(state.snapshot.out) == path.parent:
-            self.link.ask("discard", file=path.name, reason=reason)
-        else:
-            self.worker.ask(f"discarding {path.name}", discard, [str(path)], reason, then=self._marked)
-        self.say(f"{path.name}: discarded ({reason}); Keep after all takes it back", "note")
-
-    def restore(self, path: Path) -> None:
-        """Take back that a trial was discarded."""
-        state = self.link.state
-        if state.running and Path(state.snapshot.out) == path.parent:
-            self.link.ask("restore", file=path.name)
-        else:
-            self.worker.ask(f"keeping {path.name}", take_back, [str(path)], then=self._marked)
-        self.say(f"{path.name}: kept after all", "note")
-
-    def repeat(self, trial: str) -> None:
-        """Have a trial of the plan recorded again: next, or, where nothing runs, when it is gone on with."""
-        if self.link.state.running:
-            self.link.ask("repeat", trial=trial)
-        else:
-            self.say("repeat: discard the trial and press Start: it is recorded again", "note")
-
     def take_theme(self, name: str) -> None:
         """Take a look: "light" or "dark"."""
         theme = THEMES.get(name, THEMES["light"])
@@ -203,13 +141,19 @@ class Window(QMainWindow):
             splitter.setSizes([3 * splitter.width() // 5, 2 * splitter.width() // 5])
         self.resize(1366, 728)
 
+    def close_now(self) -> None:
+        """Close without a question: what runs is stopped, the arm taken clear. Done once."""
+        self._may_close = True
+        if self.isVisible():
+            self.close()
+
     # Qt's own calls
 
     def closeEvent(self, event: QCloseEvent) -> None:  # noqa: N802
         """Close; while a run goes on, only after a question."""
         if self.link.state.running and not self._may_close:
             event.ignore()
-            choices: Choices = {"Stay": lambda: None, "Stop the run and close": self._close_anyway}
+            choices: Choices = {"Stay": lambda: None, "Stop the run and close": self.close_now}
             self._ask(self, "Close", "A run is in progress. Closing stops it; its trials are kept.", choices)
             return
         self._keep_layout()
@@ -254,10 +198,6 @@ class Window(QMainWindow):
         self.readouts.refresh()
         self.shell.header.refresh()
 
-    def _marked(self, _: Any) -> None:
-        self.study.refresh()
-        self.trials.refresh()
-
     def _calibration_decided(self, keep: bool) -> None:
         self.link.ask("accept", keep=keep)
         if keep:
@@ -270,24 +210,6 @@ class Window(QMainWindow):
             self.say("the rig is opened again, with the new calibration", "")
             self.connect_rig(self.rig)
 
-    def _start(self) -> None:
-        assert self.study.protocol is not None
-        assert self.study.out is not None
-        simulated = self.link.state.simulated
-        hands = "bench" if simulated and self.study.by_bench.isChecked() else "person"
-        self._check_room()
-        self.link.ask("run", protocol=str(self.study.protocol), out=str(self.study.out), hands=hands)
-
-    def _check_room(self) -> None:
-        plan, out = self.study.plan, self.study.out
-        free_gb = self.shell.header.disk.free_gb
-        if plan is None or out is None or free_gb is None:
-            return
-        recorded_s = sum(trial.expected_s for trial in plan.trials)
-        needed_gb = recorded_s * 8000 * 3 * 8 / 1e9
-        if needed_gb > free_gb:
-            self.say(f"the study may need {needed_gb:.1f} GB, {free_gb:.1f} GB are free on its disk", "bad")
-
     def _rig_chosen(self, path: Path) -> None:
         self.habits.used_folder("rigs", path.parent)
         self.connect_rig(path)
@@ -296,13 +218,13 @@ class Window(QMainWindow):
         return make_actions(
             self,
             {
-                "Start": self.start,
-                "Stop": self.stop,
+                "Start": self.commands.start,
+                "Stop": self.commands.stop,
                 "Pause": partial(self.link.ask, "pause"),
                 "Go on": partial(self.link.ask, "go_on"),
                 "Skip rest": partial(self.link.ask, "skip", what="rest"),
                 "Retreat": partial(self.link.ask, "retreat"),
-                "Repeat": self._ask_repeat,
+                "Repeat": self.study.repeat,
                 "Discard": self._ask_discard,
                 "Open rig ...": self.choose_rig,
                 "Simulated rig": partial(self.connect_rig, None),
@@ -316,9 +238,11 @@ class Window(QMainWindow):
     def _add_pages(self) -> None:
         for name, page, tip, beside in (
             ("Live", self.live, "position and force as they come", True),
+            ("Protocol", self.protocol, "what a run is to do, and what the arm will do", False),
             ("Study", self.study, "what is recorded, and how good it is", True),
             ("Calibrate", self.calibration, "measure the constants of position and force", True),
             ("Trials", self.trials, "browse, overlay, fit and export trials", False),
+            ("Mismatch", self.mismatch, "simulation beside recording, and what explains the rest", False),
             ("Log", self.log, "everything that was asked, done and said", False),
         ):
             self.shell.add(name, page, tip, beside=beside)
@@ -332,11 +256,11 @@ class Window(QMainWindow):
         self.shell.banner.answered.connect(self._answer)
         self.readouts.volts_wanted.connect(self.live.plot.show_volts)
         self.worker.said.connect(self.say)
-        for page in (self.study, self.trials):
+        for page in (self.study, self.trials, self.protocol, self.mismatch):
             page.said.connect(self.say)
-        self.study.discard_asked.connect(self.discard)
-        self.study.restore_asked.connect(self.restore)
-        self.study.repeat_asked.connect(self.repeat)
+        self.protocol.run_asked.connect(self.commands.run_protocol)
+        self.mismatch.run_asked.connect(self.commands.run_protocol)
+        self.mismatch.twin_asked.connect(self.connect_rig)
         self.calibration.start_asked.connect(
             lambda kind, hands: self.link.ask("calibrate", which=kind, hands=hands)
         )
@@ -345,9 +269,6 @@ class Window(QMainWindow):
     def _answer(self, prompt: str, answer: str, value: float | None) -> None:
         self._prompt_since = None
         self.link.ask("answer", prompt=prompt, answer=answer, value=value)
-
-    def _ask_repeat(self) -> None:
-        self.study.repeat()
 
     def _ask_discard(self) -> None:
         self.shell.show_page("Study")
@@ -365,7 +286,3 @@ class Window(QMainWindow):
             self.restoreGeometry(QByteArray(kept))
         for name, splitter in self.shell.splitters().items():
             restored(splitter, self.habits.layout(name))
-
-    def _close_anyway(self) -> None:
-        self._may_close = True
-        self.close()

@@ -37,6 +37,7 @@ class CommandTrack:
 
     def __init__(self, rest_v: float) -> None:
         self._state: tuple[float, int, FloatArray] = (rest_v, 0, np.array([rest_v]))
+        self._going_on: FloatArray = np.empty(0)
 
     @property
     def last_v(self) -> float:
@@ -47,10 +48,15 @@ class CommandTrack:
         """A waveform begins at sample ``start``; before it, the end of the previous one was held."""
         self._state = (self.last_v, start, volts)
 
-    def extend(self, volts: FloatArray) -> None:
-        """The last waveform goes on with these volts (n,)."""
-        rest_v, start, before = self._state
-        self._state = (rest_v, start, np.concatenate([before, volts]))
+    def begin(self, start: int, volts: FloatArray, n: int) -> None:
+        """A waveform begins at sample ``start``, of which only the first ``n`` samples are sent so far."""
+        self._going_on = volts
+        self.add(start, volts[:n])
+
+    def go_on(self, n: int) -> None:
+        """Of the waveform that was begun, ``n`` samples are sent by now."""
+        rest_v, start, _ = self._state
+        self._state = (rest_v, start, self._going_on[:n])
 
     def cut(self, n: int, held_v: float) -> None:
         """The last waveform was stopped after ``n`` samples; from then on ``held_v`` is held."""

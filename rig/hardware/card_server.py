@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import grpc
+
+from rig.hardware.errors import CardMissingError
+from rig.settings.rig_file import TlsSettings
 
 _CHANNEL_OPTIONS = (("grpc.enable_http_proxy", 0),)
 """A card is in the laboratory's own network: a web proxy between would only add time and failures."""
@@ -13,10 +17,30 @@ DEADLINE_S = 30.0
 """No call takes that long: reads are short. A server that hangs is told, not waited for."""
 
 
-def open_channel(address: str) -> grpc.Channel:
-    """Open the way to the server at "host:port"; it connects with the first call."""
-    plain = grpc.insecure_channel(address, options=_CHANNEL_OPTIONS)
-    return grpc.intercept_channel(plain, _Deadline())
+def open_channel(address: str, tls: TlsSettings | None = None) -> grpc.Channel:
+    """Open the way to the server at "host:port"; it connects with the first call.
+
+    With ``tls`` both sides prove who they are. Raises CardMissingError where its files can't be read.
+    """
+    if tls is None:
+        way = grpc.insecure_channel(address, options=_CHANNEL_OPTIONS)
+    else:
+        credentials = grpc.ssl_channel_credentials(
+            root_certificates=_read(tls.authority),
+            private_key=_read(tls.key),
+            certificate_chain=_read(tls.certificate),
+        )
+        way = grpc.secure_channel(address, credentials, options=_CHANNEL_OPTIONS)
+    return grpc.intercept_channel(way, _Deadline())
+
+
+def _read(file: str) -> bytes:
+    try:
+        return Path(file).read_bytes()
+    except OSError as error:
+        raise CardMissingError(
+            f"{file}: can't be read ({error.strerror}); check [card.tls] in rig.toml"
+        ) from error
 
 
 class _Deadline(grpc.UnaryUnaryClientInterceptor):  # type: ignore[misc]

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from rig.hardware.card_server import open_channel
 from rig.hardware.errors import CardError, CardMissingError, RateCoercedError
 from rig.hardware.remedies import remedy_for_code, remedy_for_server
+from rig.settings.rig_file import TlsSettings
 
 FloatArray = NDArray[np.float64]
 
@@ -77,13 +78,15 @@ def _first_line(text: str) -> str:
 class Card:
     """One card; a context manager that closes the way to it. Tasks are named after ``owner``."""
 
-    def __init__(self, address: str, device: str, owner: str = "indenter") -> None:
+    def __init__(
+        self, address: str, device: str, owner: str = "indenter", tls: TlsSettings | None = None
+    ) -> None:
         self.device = device
         # of this computer: another one's tasks on the same server are not this one's to end
         self._owner = f"{owner}-{platform.node() or 'here'}"
         self._channel: grpc.Channel | None = None
         if address:
-            self._channel = open_channel(address)
+            self._channel = open_channel(address, tls)
         self.where = f"card {device} at {address}" if address else f"card {device}"
 
     def __enter__(self) -> Self:

@@ -135,7 +135,7 @@ class Drive:
             output.start()
             expected = (not_before + acquired()) // 2
             finder = self._find(volts, not_before, taken)
-            self._track.add(expected, first)
+            self._track.begin(expected, volts, len(first))
             playback = StreamPlayback(
                 output,
                 volts,
@@ -158,14 +158,13 @@ class Drive:
             if self._output is None or not isinstance(playback, StreamPlayback):
                 return
             try:
-                piece = playback.release(judged)
+                playback.release(judged)
             except OutputStarvedError:
                 self.close()
                 playback.mark_starved()
                 self.correct_stop(len(playback.sent_v), float(playback.sent_v[-1]))
             else:
-                if len(piece):
-                    self._track.extend(piece)
+                self._track.go_on(len(playback.sent_v))
 
     def start_with_inputs(self, volts: FloatArray, *, taken: Callable[[], int]) -> Playback:
         """Load a waveform that begins with the first sample of the inputs, which are started next."""
@@ -185,7 +184,7 @@ class Drive:
             if output is None or playback is None:
                 return None
             sent = len(playback.sent_v)
-            n_played = min(max(output.generated(), 1), sent) if count else sent
+            n_played = min(max(_generated(output, sent), 1), sent) if count else sent
             self.close()
             playback.mark_stopped()
             self.correct_stop(n_played, float(playback.volts[n_played - 1]))
@@ -270,3 +269,11 @@ class Drive:
         finder.feed(taken() - len(self._history), self._history)
         self._finders.append(finder)
         return finder
+
+
+def _generated(output: CardOutput, sent: int) -> int:
+    """How many samples are out; all that was sent of an output that ran dry."""
+    try:
+        return output.generated()
+    except OutputStarvedError:
+        return sent

@@ -154,6 +154,8 @@ class Guard:
             self._heard_s = now_s
         self._checked_s = now_s
         fault = self._fault
+        if not fault and self._process is not None and self._process.poll() is not None:
+            fault = "the guard process is gone"
         if not fault and now_s - self._heard_s > self._timeout_s:
             fault = f"the guard process has not reported for {self._timeout_s:g} s"
         if fault:

@@ -63,7 +63,7 @@ def main() -> int:
     orders = json.loads(line)
     settings = GuardSettings.model_validate_json(json.dumps(orders["rig"]["guard"]))
     _log_to(settings.log_file)
-    with Card(orders["card_address"], orders["rig"]["card"]["device"]) as card:
+    with card_of(orders) as card:
         card.connect()
         second = _Second(line, orders["hold_open"])
         words: queue.SimpleQueue[str | None] = queue.SimpleQueue()
@@ -81,6 +81,12 @@ def main() -> int:
         # where the arm could not be moved, the person has been told: a second one could not either
         second.say("end")
         return code
+
+
+def card_of(orders: dict[str, Any]) -> Card:
+    """The card, as ordered."""
+    settings = CardSettings.model_validate_json(json.dumps(orders["rig"]["card"]))
+    return Card(orders["card_address"], settings.device, tls=settings.tls)
 
 
 def to_safety_with(card: Card, orders: dict[str, Any]) -> ToSafety:

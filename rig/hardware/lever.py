@@ -26,8 +26,9 @@ from rig.hardware.errors import (
 )
 from rig.hardware.limits import lead_s, volts_within_limits
 from rig.hardware.playback import Chunk, Playback
+from rig.hardware.probe import probe
 from rig.hardware.recorder import Recorder
-from rig.hardware.retreat import LATE_S, bring_to_safety, output_now_v, straight_mm
+from rig.hardware.retreat import LATE_S, bring_to_safety, output_now_v
 from rig.settings.rig_file import RigFile
 
 __all__ = ["Chunk", "Lever", "Playback"]
@@ -58,7 +59,7 @@ class Lever:
         self.calibration = calibration
         self.limits = rig.lever
         self._settings = rig.card
-        self._card = Card(card_address, rig.card.device)
+        self._card = Card(card_address, rig.card.device, tls=rig.card.tls)
         self._drive = Drive(self._card, rig.card, guard, self._volts_at(rig.lever.safe_position_mm))
         self._brake = Brake(self._drive, rig, calibration)
         self._recorder: Recorder | None = None
@@ -239,30 +240,12 @@ class Lever:
         self._brake.arrived()
 
     def prove(self) -> None:
-        """Move the arm by 0.05 mm at the safe position and back, to see that every signal says so.
+        """Move the arm a little at the safe position, to see that every signal says so; see `probe`.
 
         Raises ArmNotProvenError where one does not, or where the force is not that of a free arm.
         """
-        c, limits, rate_hz = self.calibration, self.limits, self.sample_rate_hz
-        n_look = round(proof.LOOK_S * rate_hz)
-        safe_mm = limits.safe_position_mm
-        # away from the finger, where there is room
-        room = safe_mm - proof.PROBE_MM >= limits.travel_min_mm
-        far_mm = safe_mm + (-proof.PROBE_MM if room else proof.PROBE_MM)
-        there = straight_mm(self.commanded_mm, far_mm, speed_mm_s=proof.PROBE_SPEED_MM_S, rate_hz=rate_hz)
-        stay = np.full(round(proof.PROBE_STAY_S * rate_hz), far_mm)
-        self.start_recording()
-        before = self._samples(self.read(n_look))
-        proof.prove_free(before[1], c, limits)
-        playback = self.play(np.concatenate([there, stay, there[::-1]]))
-        while not playback.done:
-            self.read(n_look)
-        recorder = self._recording()
-        begin = playback.started_sample
-        begin = (playback.expected_sample if begin is None else begin) + len(there) + len(stay) // 3
-        during = recorder.peek(begin, begin + len(stay) // 3)
-        self.stop_recording()
-        proof.prove_probe(before, during, far_mm - safe_mm, c, loopback_wired=self.loopback_wired)
+        probe(self)
+        self._brake.arrived()
 
     def look_for_force(self, force_mn: float | None) -> None:
         """Reverse every motion above this force, mN, until told otherwise; None: above the rig's limit only."""
@@ -302,11 +285,6 @@ class Lever:
         """The chunk of samples (n_channels, n), V."""
         command_v = block[2] if self.loopback_wired else self._drive.sent_v(start, start + block.shape[1])
         return Chunk(start, block[0], block[1], command_v, self.calibration)
-
-    def _samples(self, chunk: Chunk) -> FloatArray:
-        """A chunk's samples as they came, (n_channels, n), V."""
-        channels = [chunk.position_v, chunk.force_v]
-        return np.array([*channels, chunk.command_v] if self.loopback_wired else channels)
 
     def _alive(self) -> None:
         """Where the program reads the card itself, it is the reader too."""

@@ -14,7 +14,7 @@ from rig.hardware.daq import CardOutput, CardStream
 
 FloatArray = NDArray[np.float64]
 
-_PIECES = 4
+_PIECES = 3
 """A stream is topped up as soon as so small a part of its lead is used: each write costs a call to the card."""
 
 
@@ -193,8 +193,8 @@ class StreamPlayback(Playback):
         begin = self._expected if started is None else started
         return self._released == self.n and self._samples_read() >= begin + self.n
 
-    def release(self, judged: int) -> FloatArray:
-        """Give the card what may follow now that the samples before ``judged`` were looked at; what was given.
+    def release(self, judged: int) -> None:
+        """Give the card what may follow now that the samples before ``judged`` were looked at.
 
         Raises OutputStarvedError where it had run dry.
         """
@@ -205,11 +205,9 @@ class StreamPlayback(Playback):
             out = min(out, self._stream.generated())
         n = min(out + self._lead, self.n) - self._released
         if n < self._lead // _PIECES and (n <= 0 or self._released + n < self.n):
-            return self.volts[:0]
-        piece = self.volts[self._released : self._released + n]
-        self._stream.write(piece)
+            return
+        self._stream.write(self.volts[self._released : self._released + n])
         self._released += n
-        return piece
 
     def mark_starved(self) -> None:
         """It has run dry."""

@@ -8,6 +8,19 @@ from typing import Any
 
 from rig.hardware.errors import OperatorError
 
+_TIMEOUT_S = 120.0
+"""No request of a hand or a clock is answered later: whoever asks waits with the arm clear, and not for ever."""
+
+
+class _Transport(xmlrpc.client.Transport):
+    """The client's way to the service, with an end to every wait."""
+
+    def make_connection(self, host: Any) -> http.client.HTTPConnection:
+        """Connect with a timeout, which the library leaves out."""
+        connection = super().make_connection(host)
+        connection.timeout = _TIMEOUT_S
+        return connection
+
 
 class ControlService:
     """A control service; one user at a time.
@@ -17,7 +30,9 @@ class ControlService:
 
     def __init__(self, address: str) -> None:
         self.address = address
-        self._proxy = xmlrpc.client.ServerProxy(address, allow_none=True)
+        self._proxy = xmlrpc.client.ServerProxy(
+            address, allow_none=True, transport=_Transport() if address.startswith("http:") else None
+        )
 
     def call(self, method: str, *arguments: Any) -> Any:
         """Call a method; OperatorError, in one line, where the service refuses or does not answer."""

@@ -122,12 +122,11 @@ class _Second:
             # it has not moved the arm, and would hold the card
             with contextlib.suppress(ProcessLookupError):
                 os.kill(first, signal.SIGTERM if sys.platform == "win32" else signal.SIGKILL)
-        from rig.hardware.daq import Card
-        from rig.hardware.guard_process import move, to_safety_with
+        from rig.hardware.guard_process import card_of, move, to_safety_with
         from rig.hardware.retreat import Bearings
 
         assert self._away is not None
-        with Card(self._orders["card_address"], self._orders["rig"]["card"]["device"]) as card:
+        with card_of(self._orders) as card:
             code = move(
                 "the guard is gone",
                 to_safety_with(card, self._orders),

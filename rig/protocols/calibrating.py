@@ -18,8 +18,12 @@ _INVERT_S = 20.0
 
 def stage_heights_um(calibration: PositionCalibration) -> tuple[float, ...]:
     """Return the heights of the stage, um, from 0 up to the last."""
-    steps = int(calibration.last_um / calibration.step_um + 1e-9)
-    return tuple(i * calibration.step_um for i in range(steps + 1))
+    return tuple(i * calibration.step_um for i in range(number_of_heights(calibration)))
+
+
+def number_of_heights(calibration: PositionCalibration) -> int:
+    """Return how many heights of the stage a calibration takes."""
+    return int(calibration.last_um / calibration.step_um + 1e-9) + 1
 
 
 def position_trials(calibration: PositionCalibration, toml: str) -> tuple[PlannedTrial, ...]:

@@ -57,6 +57,15 @@ def design(study: Study) -> tuple[Cell, ...]:
     return tuple(cells)
 
 
+def number_of_trials(study: Study) -> int:
+    """Return how many trials a study asks for, without making a list of them."""
+    plan = study.study
+    n = len(plan.fingers) * len(plan.depths_mm) * plan.repeats
+    for values in (plan.surface_positions_mm, plan.ramp_speeds_mm_s, plan.holds_s):
+        n *= len(values) if values else 1
+    return n + len(plan.air_sweep_speeds_mm_s) + len(plan.rigid_target_depths_mm) * plan.rigid_target
+
+
 def rests_s(plan: StudyPlan, n: int) -> tuple[float, ...]:
     """Return the rest before each of n indentations, s, drawn evenly from the seed; the first has none."""
     low_s, high_s = plan.rest_s if isinstance(plan.rest_s, tuple) else (plan.rest_s, plan.rest_s)

@@ -14,7 +14,7 @@ from pydantic_core import ErrorDetails
 from analysis.errors import BadInputError
 from rig.settings import protocol_file, rig_file
 from rig.settings.protocol_file import Protocol, Study, TrialProtocol, WithSurface
-from rig.settings.rig_file import RigFile
+from rig.settings.rig_file import RigFile, TlsSettings
 
 __all__ = [
     "check_protocol_on_rig",
@@ -41,7 +41,12 @@ _REMEDIES = {
 
 def load_rig(path: Path) -> RigFile:
     """Read a rig file (see rig/examples/rig.toml); BadInputError names file, key, value and what to do."""
-    return parse_rig(_read_text(path), str(path))
+    rig = parse_rig(_read_text(path), str(path))
+    if rig.card.tls is None:
+        return rig
+    # as written in the file: beside it
+    files = {key: str(path.parent.absolute() / file) for key, file in rig.card.tls.model_dump().items()}
+    return rig.model_copy(update={"card": rig.card.model_copy(update={"tls": TlsSettings(**files)})})
 
 
 def load_protocol(path: Path) -> Protocol:

@@ -23,6 +23,8 @@ NotZero = Annotated[float, AfterValidator(_not_zero)]
 """A wire may turn a signal's sign, but not take it away."""
 PhysicalChannel = Annotated[str, Field(pattern=r"^(ai|ao)\d+$")]
 
+_THIS_COMPUTER = frozenset({"127.0.0.1", "localhost", "::1"})
+
 LEVER_TRAVEL_MM = 10.0
 """Full travel of the 300B lever; no rig file may ask for more."""
 
@@ -33,10 +35,20 @@ class Settings(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
 
+class TlsSettings(Settings):
+    """Files (PEM) that prove to each other who a card's server and this computer are."""
+
+    authority: Annotated[str, Field(min_length=1)]
+    certificate: Annotated[str, Field(min_length=1)]
+    key: Annotated[str, Field(min_length=1)]
+
+
 class CardSettings(Settings):
     """The card and its wiring."""
 
     address: str = ""
+    tls: TlsSettings | None = None
+    open_line: bool = False
     device: Annotated[str, Field(pattern=r"^[A-Za-z0-9_\-]+$")] = "Dev1"
     position_channel: PhysicalChannel = "ai0"
     force_channel: PhysicalChannel = "ai1"
@@ -46,6 +58,19 @@ class CardSettings(Settings):
     range_v: Annotated[float, Field(gt=0, le=10)] = 10.0
     input_buffer_s: Annotated[float, Field(ge=1, le=60)] = 20.0
     read_interval_s: Annotated[float, Field(ge=0.001, le=0.5)] = 0.01
+
+    @model_validator(mode="after")
+    def _line_is_proven_or_said_to_be_open(self) -> CardSettings:
+        host = self.address.rpartition(":")[0].strip("[]")
+        near = not self.address or self.address.startswith("companion:") or host in _THIS_COMPUTER
+        if self.tls is not None and self.open_line:
+            raise ValueError("open_line = true beside [card.tls]: the line is either; take one out")
+        if not near and self.tls is None and not self.open_line:
+            raise ValueError(
+                f"address = {self.address!r} is another computer: say in [card.tls] where the certificates are, or "
+                "open_line = true where everybody in that network may drive the arm"
+            )
+        return self
 
     @model_validator(mode="after")
     def _wiring_is_possible(self) -> CardSettings:

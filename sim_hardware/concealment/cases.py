@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from sim_hardware.concealment.knobs import ABSORBED, KNOBS, LIBRARY, OUTSIDE, SAME_AS_A_LAW
+from sim_hardware.concealment.knobs import ABSORBED, KNOBS, LIBRARY, OUTSIDE, SAME_AS_A_LAW, TAKEN_UP
 from sim_hardware.concealment.plans import TrialPlan, study_plans
 from sim_hardware.concealment.sizes import BENCH_SIZES, SIZES
 from sim_hardware.concealment.strength import peak_mn, strength, tissue_of
@@ -86,11 +86,11 @@ def draw_cases(
 ) -> list[Case]:
     """Draw cases of all kinds in turn."""
     random = np.random.default_rng([seed, 11])
-    names, outside = list(LIBRARY), [name for name in OUTSIDE if name not in SAME_AS_A_LAW]
+    names, outside = list(LIBRARY), outsiders(skin)
     random.shuffle(names)
     random.shuffle(outside)
     cases = []
-    singles = outsiders = 0
+    singles = strangers = 0
     for i in range(n):
         kind = kinds[i % len(kinds)]
         chosen: tuple[str, ...] = ()
@@ -99,13 +99,19 @@ def draw_cases(
         elif kind in ("pair", "triple"):
             chosen = draw_together(random, 2 if kind == "pair" else 3, names)
         elif kind == "outside":
-            chosen, outsiders = (outside[outsiders % len(outside)],), outsiders + 1
+            chosen, strangers = (outside[strangers % len(outside)],), strangers + 1
         elif kind == "absorbed":
             chosen = (str(random.choice(list(ABSORBED))),)
         noise: Noise = list(NOISES)[int(random.integers(len(NOISES)))]
         drawn = int(random.integers(2**31))
         cases.append(draw_case(i, kind, chosen, noise, skin, seed=drawn, plans=plans))
     return cases
+
+
+def outsiders(skin: Skin) -> list[str]:
+    """Return the effects of which `unknown` is the right thing to say on a skin."""
+    taken_up = () if skin == "shared" else TAKEN_UP
+    return [name for name in OUTSIDE if name not in SAME_AS_A_LAW and name not in taken_up]
 
 
 def draw_together(

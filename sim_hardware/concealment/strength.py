@@ -80,6 +80,21 @@ def strength(settings: BenchSettings, effects: Sequence[EffectSettings], plans: 
     return float(max(by_force, by_position))
 
 
+def explained(
+    settings: BenchSettings, effect: EffectSettings, law: EffectSettings, plans: Sequence[TrialPlan]
+) -> float:
+    """Return the share of an effect's power that a law of another size would explain, tissue free in each trial."""
+    study = tuple(plans)
+    without = _recorded(quiet_bench(settings, (), False), study)
+    own = of_both = of_law = 0.0
+    benches = [record_quietly(quiet_bench(settings, (e,), False), study) for e in (effect, law)]
+    for a, *with_them in zip(without, *benches, strict=True):
+        left, other = (_without(shared, r) for r, shared in (_force_given_position(a, b) for b in with_them))
+        own, of_law = own + float(left @ left), of_law + float(other @ other)
+        of_both += float(left @ other)
+    return float(of_both**2 / (own * of_law))
+
+
 def _force_given_position(a: Quiet, b: Quiet) -> tuple[FloatArray, FloatArray]:
     """Return the mismatch (n,) of ``b`` beyond ``a``'s and the tissue's columns (n, 5), own columns out."""
     difference = (b.force_mn - _baseline(b, 0.0, b.tissue)) - (a.force_mn - _baseline(a, 0.0, a.tissue))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sim_hardware.effects.base import IN_CONTACT, Effect, Parameter
+from sim_hardware.effects.base import Effect, Parameter
 from sim_hardware.parts import Block
 
 
@@ -18,7 +18,7 @@ class EdgeContact(Effect):
     name = "edge_contact"
     stage = "contact"
     in_library = False
-    phases = IN_CONTACT
+    phases = ("approach", "dwell", "ramp", "retract")
     parameters = (
         Parameter("lack", "1", 0.5, 0.0, 1.0, "share of the force that is lacking at first touch"),
         Parameter("depth_um", "um", 60.0, 1.0, 1000.0, "depth at which most of the punch bears"),

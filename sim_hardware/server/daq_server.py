@@ -11,6 +11,7 @@ import re
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import Any
 
 import grpc
@@ -34,6 +35,7 @@ from sim_hardware.card.packing import packed_samples
 from sim_hardware.card.plant import FloatArray
 from sim_hardware.card.task import CardTask, Timing
 from sim_hardware.card.transfer import ShortReadError, read, write
+from sim_hardware.settings import TlsSettings
 
 Answer = Callable[[Any, Any, grpc.ServicerContext], Any]
 
@@ -303,13 +305,21 @@ for _name in (*GETTERS, *SETTERS, *CHANNEL_GETTERS, *SYSTEM, *DEVICE_PROPERTIES)
     setattr(DaqServicer, _name, _property_call(_name))
 
 
-def serve(card: Card, port: int = 0) -> tuple[grpc.Server, int]:
-    """Serve the card on the loopback interface; the running server and its port."""
+def serve(card: Card, port: int = 0, tls: TlsSettings | None = None) -> tuple[grpc.Server, int]:
+    """Serve the card on the loopback interface, to known clients only with ``tls``; the running server, its port."""
     server = grpc.server(
         ThreadPoolExecutor(max_workers=N_CALLS_AT_ONCE, thread_name_prefix="card call"),
         options=[("grpc.max_receive_message_length", -1), ("grpc.max_send_message_length", -1)],
     )
     nidaqmx_pb2_grpc.add_NiDAQmxServicer_to_server(DaqServicer(card), server)
-    bound = server.add_insecure_port(f"127.0.0.1:{port}")
+    where = f"127.0.0.1:{port}"
+    if tls is None:
+        bound = server.add_insecure_port(where)
+    else:
+        pair = (Path(tls.key).read_bytes(), Path(tls.certificate).read_bytes())
+        credentials = grpc.ssl_server_credentials(
+            [pair], root_certificates=Path(tls.authority).read_bytes(), require_client_auth=True
+        )
+        bound = server.add_secure_port(where, credentials)
     server.start()
     return server, bound

@@ -44,7 +44,7 @@ class Services:
         stage = Stage(self.card.now_s, lambda um: self._move_block(bench, um))
         self._lines = {"stage": LineServer(stage), "balance": LineServer(balance)}
         self._control = ControlServer(Control(self.card, bench, balance))
-        self._daq, port = serve(self.card)
+        self._daq, port = serve(self.card, tls=settings.tls)
         for line in self._lines.values():
             line.start()
         self._control.start()

@@ -33,8 +33,8 @@ import sim_hardware
 from analysis.recordings import write_trial
 from rig.proof.recovery import sizes
 from rig.proof.scores import Outcome, is_right, read_truth
-from sim_hardware.concealment.cases import NOISES, draw_case, draw_together
-from sim_hardware.concealment.knobs import ABSORBED, OUTSIDE, SAME_AS_A_LAW
+from sim_hardware.concealment.cases import NOISES, draw_case, draw_together, outsiders
+from sim_hardware.concealment.knobs import ABSORBED
 from sim_hardware.concealment.offline import TrialPlan, record_study, study_plans
 from sim_hardware.concealment.sizes import BENCH_SIZES, OTHER_SIZES
 from sim_hardware.settings import BenchSettings
@@ -45,7 +45,7 @@ Spec = tuple[str, tuple[str, ...], str]
 CAMPAIGNS = ("nulls", "singles", "others", "pairs", "triples", "outside", "absorbed")
 
 
-def specs(campaign: str, n: int, seed: int) -> list[Spec]:
+def specs(campaign: str, n: int, seed: int, skin: str = "living") -> list[Spec]:
     """Return n cases to draw; every name and every noise comes in its turn."""
     noises = list(NOISES)
     random = np.random.default_rng([seed, 21])
@@ -58,7 +58,7 @@ def specs(campaign: str, n: int, seed: int) -> list[Spec]:
     names = {
         "singles": list(BENCH_SIZES),
         "others": [n for n in OTHER_SIZES if n not in ABSORBED],
-        "outside": [n for n in OUTSIDE if n not in SAME_AS_A_LAW],
+        "outside": outsiders(skin),  # type: ignore[arg-type]
         "absorbed": list(ABSORBED),
     }[campaign]
     kind = {"singles": "single", "others": "single"}.get(campaign, campaign)
@@ -78,13 +78,15 @@ def plans(seed: int) -> list[TrialPlan]:
 
 def drawn(number: int, spec: Spec, skin: str, seed: int, kept: Path) -> Row:
     """Draw a case's truth, or take it as it was drawn before: to tell strengths is half the work."""
-    if not kept.exists():
-        kind, names, noise = spec
-        case = draw_case(number, kind, names, noise, skin, seed=seed, plans=plans(seed))  # type: ignore[arg-type]
-        kept.parent.mkdir(parents=True, exist_ok=True)
-        kept.write_text(json.dumps(case.truth()))
-    truth: Row = json.loads(kept.read_text())
-    return truth
+    kind, names, noise = spec
+    if kept.exists():
+        truth: Row = json.loads(kept.read_text())
+        if (truth["kind"], tuple(h["name"] for h in truth["hidden"]), truth["noise"]) == spec:
+            return truth
+    case = draw_case(number, kind, names, noise, skin, seed=seed, plans=plans(seed))  # type: ignore[arg-type]
+    kept.parent.mkdir(parents=True, exist_ok=True)
+    kept.write_text(json.dumps(case.truth()))
+    return drawn(number, spec, skin, seed, kept)
 
 
 def record(truth: Row, folder: Path) -> None:
@@ -140,7 +142,7 @@ def run(
     rows = kept_rows(path)
     done = {r["number"] for r in rows}
     kept = out / f"drawn-{digest_of(sim_hardware)}" / name
-    listed = specs(campaign, max(n, *only) + 1 if only else n, seed)
+    listed = specs(campaign, max(n, *only) + 1 if only else n, seed, skin)
     wanted = [i for i in (sorted(only) or range(n)) if i not in done]
     with path.open("a") as file, ThreadPoolExecutor(processes) as pool:
 

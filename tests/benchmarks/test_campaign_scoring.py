@@ -148,3 +148,23 @@ def test_rivals_see_friction_on_living_skin(bench_trials: Any) -> None:
     by = rivals.by_information(left)
     assert by["AIC"].names[0] == by["BIC"].names[0] == "coulomb_friction"
     assert rivals.by_whiteness(left).names == ("something",)
+
+
+def test_a_case_is_drawn_once_and_anew_where_another_is_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    times: list[str] = []
+
+    class Drawn:
+        def __init__(self, names: tuple[str, ...]) -> None:
+            self.names = names
+
+        def truth(self) -> dict[str, Any]:
+            times.append("drawn")
+            return {"kind": "single", "noise": "white", "hidden": [{"name": n} for n in self.names]}
+
+    monkeypatch.setattr(campaign, "draw_case", lambda number, kind, names, *more, **rest: Drawn(names))
+    for name in ("slip", "slip", "adhesion"):
+        truth = campaign.drawn(0, ("single", (name,), "white"), "living", 1, tmp_path / "0.json")
+        assert truth["hidden"] == [{"name": name}]
+    assert len(times) == 2

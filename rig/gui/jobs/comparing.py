@@ -10,15 +10,21 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from analysis.errors import BadInputError
+from analysis.recordings.attributes import attributes_in, group_of
 from analysis.recordings.folders import find_trials
 from analysis.recordings.live.locking import is_locked
+from analysis.recordings.opening import access, open_file
 from analysis.recordings.reading import read_trial
-from analysis.recordings.trial import FloatArray
+from analysis.recordings.tables import read_phases
+from analysis.recordings.trial import FloatArray, Phase
 from analysis.simulation.cells import CellTrial, reduce_trial
 from analysis.simulation.forward import PerTrial, simulate_force
 from analysis.simulation.mechanism import Mechanism, Tissue, Values, library
 from analysis.simulation.motion import estimate_motion
 from rig.gui.jobs.report_file import Quantity, Report
+
+_ENOUGH = 200
+"""Trials from which the median start of a phase is taken."""
 
 _GAIN = (0.05, 20.0)
 """How far a trial's own stiffnesses may lie from the shared ones, as factors."""
@@ -31,6 +37,7 @@ class Comparison:
     Contact point, force offset and stiffnesses of the trial's own are fitted, as skin differs from site to
     site; times and mechanisms are the report's.
     ``left_out`` names what the report found and the line "after" does not hold, with the reason.
+    ``phase_starts_s`` says when each phase of the trial begins.
     """
 
     path: str
@@ -41,6 +48,15 @@ class Comparison:
     rms_before_mn: float
     rms_after_mn: float
     left_out: tuple[str, ...]
+    phase_starts_s: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Offer:
+    """Trials that can be compared, and when their phases begin in the median, s: a report's times mean those."""
+
+    paths: tuple[str, ...]
+    phase_starts_s: Mapping[str, float]
 
 
 def run_diagnosis(paths: Sequence[Path], out: Path, baseline: str) -> Path:
@@ -51,9 +67,33 @@ def run_diagnosis(paths: Sequence[Path], out: Path, baseline: str) -> Path:
     return out
 
 
-def trials_to_compare(paths: Sequence[Path]) -> tuple[str, ...]:
-    """Return the trial files that are meant, leaving out those that are being written."""
-    return tuple(str(path) for path in find_trials(paths) if not is_locked(path))
+def trials_to_compare(paths: Sequence[Path]) -> Offer:
+    """Return the trial files that are meant, leaving out those that are being written or can't be read."""
+    starts: dict[str, list[float]] = {}
+    readable: list[str] = []
+    for path in find_trials(paths):
+        try:
+            if is_locked(path):
+                continue
+            own = _phase_starts_s(path) if len(readable) < _ENOUGH else {}
+        except (BadInputError, OSError):
+            continue
+        readable.append(str(path))
+        for name, start_s in own.items():
+            starts.setdefault(name, []).append(start_s)
+    return Offer(tuple(readable), {name: float(np.median(values)) for name, values in starts.items()})
+
+
+def _phase_starts_s(path: Path) -> dict[str, float]:
+    with open_file(path) as file, access(path, "the file's structure"):
+        signals = group_of(path, file, "signals")
+        rate = attributes_in(path, signals, "/signals")["sample_rate_hz"]
+        phases = read_phases(path, file, len(signals["position_v"]), clip=False)
+    return _starts_s(phases, rate)
+
+
+def _starts_s(phases: Sequence[Phase], sample_rate_hz: float) -> dict[str, float]:
+    return {phase.name: phase.start / sample_rate_hz for phase in reversed(phases)}
 
 
 def compare_trial(path: str, report: Report) -> Comparison:
@@ -79,6 +119,7 @@ def compare_trial(path: str, report: Report) -> Comparison:
         _rms(cell.force_mn - before_mn, weights),
         _rms(cell.force_mn - after_mn, weights),
         left_out,
+        _starts_s(trial.phases, trial.sample_rate_hz),
     )
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from analysis.errors import BadInputError
 from analysis.recordings.live.locking import is_locked
 from analysis.recordings.reading import read_trial
-from analysis.recordings.trial import FloatArray
+from analysis.recordings.trial import FloatArray, Trial
 from analysis.relaxation.batch import fit_files
 from analysis.relaxation.fit import fit_trial
 from analysis.relaxation.prediction import fitted_curve
@@ -27,8 +27,8 @@ class FitPicture:
     """A trial's fit, thinned for the screen; time counts from the end of the ramp, s.
 
     ``recorded`` (2, M), ``fitted`` (2, M) and ``residual`` (2, K) are rows of time and mN; ``means`` (2, L)
-    are the residual's means over short stretches, in which noise no longer hides what the fit leaves. All
-    are empty where the row says that there is no fit.
+    are the residual's means over short stretches, in which noise no longer hides what the fit leaves. Where
+    the row says that there is no fit, all but ``recorded`` are empty.
     """
 
     path: str
@@ -48,7 +48,7 @@ def picture_fit(path: str, model: Model, bins: int) -> FitPicture:
     row = fit_trial(trial, model)
     empty = np.empty((2, 0))
     if not row.fitted:
-        return FitPicture(path, row, trial.kind, empty, empty, empty, empty)
+        return FitPicture(path, row, trial.kind, _recording(trial, bins), empty, empty, empty)
     curve = fitted_curve(trial, row)
     time_s = curve.time_s - curve.hold_start_s
     at = extremes(curve.force_mn, bins)
@@ -65,6 +65,13 @@ def picture_fit(path: str, model: Model, bins: int) -> FitPicture:
         np.stack([time_s[known][thinned], residual_mn[thinned]]),
         _means(time_s[known], residual_mn),
     )
+
+
+def _recording(trial: Trial, bins: int) -> FloatArray:
+    hold = trial.phase("hold")
+    begins_s = 0.0 if hold is None else hold.start / trial.sample_rate_hz
+    at = extremes(trial.force_mn, bins)
+    return np.stack([at / trial.sample_rate_hz - begins_s, trial.force_mn[at]])
 
 
 def _means(time_s: FloatArray, values: FloatArray) -> FloatArray:

@@ -109,6 +109,10 @@ class MismatchPage(QWidget):
             urgent=True,
         )
 
+    def show_figures(self) -> None:
+        """Show the figures of the report in place of the one trial."""
+        self._tabs.setCurrentWidget(self._figures)
+
     def restyle(self, theme: Theme) -> None:
         """Take the theme's colours."""
         self.comparison.restyle(theme)
@@ -216,17 +220,18 @@ class MismatchPage(QWidget):
         )
         self._page_button.setEnabled(found.page is not None)
         self.findings.show_diagnosis(found, self._run_next, self._use_twin)
-        self._show_figures(found)
+        self._take_figures(found)
+        self.comparison.wait_for("reading the trials ...")
         self._worker.ask(
             "the list of trials",
             trials_to_compare,
             [trials],
-            then=lambda paths: self.comparison.offer(paths, found.report.mismatch),
+            then=lambda offer: self.comparison.offer(offer, found.report.mismatch),
             failed=self.comparison.show_problem,
             key="trials to compare",
         )
 
-    def _show_figures(self, found: DiagnosisFolder) -> None:
+    def _take_figures(self, found: DiagnosisFolder) -> None:
         inside = QWidget()
         column = QVBoxLayout(inside)
         for path in found.figures:

@@ -8,11 +8,8 @@ from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import (
     QAbstractItemView,
     QCheckBox,
-    QComboBox,
     QHBoxLayout,
     QHeaderView,
-    QLabel,
-    QPushButton,
     QSplitter,
     QTableView,
     QVBoxLayout,
@@ -24,6 +21,7 @@ from rig.engine.loading import load_run
 from rig.gui.asking import ask_file, ask_folder
 from rig.gui.bench_state import BenchState
 from rig.gui.controls import button, say, words
+from rig.gui.discard_bar import DiscardBar
 from rig.gui.fit_panel import FitPanel
 from rig.gui.habits import Habits
 from rig.gui.jobs.headers import Header, list_folder, read_headers
@@ -33,7 +31,6 @@ from rig.gui.worker import Worker
 from rig.protocols.steps import Plan
 from rig.settings.rig_file import RigFile
 
-_REASONS = ("the finger moved", "the finger slipped", "wrong place", "bad contact", "talked or laughed")
 _WIDTHS = (34, 62, 48, 40, 94, 60, 46, 46)
 
 
@@ -68,8 +65,9 @@ class StudyPage(QWidget):
         self._title = words("No protocol yet", "heading")
         self._folder = words("", "faint")
         self._view = self._make_view()
-        self._reason = QComboBox()
-        self._bar = self._make_discard_bar()
+        self._bar = DiscardBar()
+        self._bar.confirmed.connect(self.discard_asked)
+        self._bar.said.connect(self.said)
         self._build()
         self.fit_panel.fitted.connect(self.table.take_fit)
         self.fit_panel.said.connect(self.said)
@@ -139,11 +137,7 @@ class StudyPage(QWidget):
         if row is None:
             self.said.emit("discard: choose a trial that was recorded")
             return
-        self._reason.setProperty("file", row.file)
-        self._label.setText(f"Discard {Path(row.file).name}, because")
-        self._bar.show()
-        self._reason.setFocus()
-        self._reason.lineEdit().selectAll()  # type: ignore[union-attr]
+        self._bar.ask(Path(row.file))
 
     def repeat(self) -> None:
         """Ask for the chosen trial to be recorded again, next."""
@@ -194,14 +188,6 @@ class StudyPage(QWidget):
         recorded = [row for row in self.table.rows if row.file]
         return recorded[-1] if recorded else None
 
-    def _confirm_discard(self) -> None:
-        reason = self._reason.currentText().strip()
-        if not reason:
-            self.said.emit("discard: give a reason, it is kept with the trial")
-            return
-        self._bar.hide()
-        self.discard_asked.emit(Path(self._reason.property("file")), reason)
-
     def _restore(self) -> None:
         row = self.chosen()
         if row is None or row.state != "discarded":
@@ -248,25 +234,6 @@ class StudyPage(QWidget):
         header.setSectionResizeMode(QUALITY, QHeaderView.ResizeMode.Stretch)
         view.clicked.connect(lambda _: self._show_chosen())
         return view
-
-    def _make_discard_bar(self) -> QWidget:
-        bar = QWidget()
-        self._label = QLabel()
-        self._reason.setEditable(True)
-        self._reason.addItems(list(_REASONS))
-        self._reason.setAccessibleName("reason for discarding the trial")
-        ok, no = QPushButton("Discard"), QPushButton("Leave it")
-        ok.clicked.connect(self._confirm_discard)
-        no.clicked.connect(bar.hide)
-        self._reason.lineEdit().returnPressed.connect(self._confirm_discard)  # type: ignore[union-attr]
-        layout = QHBoxLayout(bar)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.addWidget(self._label)
-        layout.addWidget(self._reason, 1)
-        layout.addWidget(ok)
-        layout.addWidget(no)
-        bar.hide()
-        return bar
 
     def _build(self) -> None:
         row = QHBoxLayout()

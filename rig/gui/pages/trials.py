@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 
 from PySide6.QtCore import QItemSelectionModel, Qt, Signal
@@ -19,11 +18,11 @@ from PySide6.QtWidgets import (
 
 from rig.gui.asking import ask_folder
 from rig.gui.controls import button, say, words
+from rig.gui.file_opening import FileOpening
 from rig.gui.fit_panel import FitPanel
 from rig.gui.folder_reading import FolderReading
 from rig.gui.habits import Habits
-from rig.gui.jobs.exporting import bring_in
-from rig.gui.jobs.headers import Header, Listing, read_headers
+from rig.gui.jobs.headers import Header, Listing
 from rig.gui.overlay import Chosen, Overlay
 from rig.gui.theme import Theme
 from rig.gui.trial_actions import TrialActions
@@ -46,13 +45,13 @@ class TrialsPage(QWidget):
         self._worker = worker
         self._habits = habits
         self.folder: Path | None = None
-        self._to_select: set[str] = set()
         self._failure = ""
         self.table = TrialTable()
         self.filter = TrialFilter(self.table)
         self.overlay = Overlay(worker, habits)
         self.fit_panel = FitPanel(worker, habits, "fit of the trials page")
         self._reading = FolderReading(worker, self)
+        self._opening = FileOpening(worker, self)
         self.commands = TrialActions(worker, habits, self.selected_or_shown, self.selected)
         self._build()
         self._connect()
@@ -78,19 +77,12 @@ class TrialsPage(QWidget):
 
     def open_files(self, paths: Sequence[Path]) -> None:
         """Add files to the table and choose them; recordings of other programs are imported first."""
-        own = [path for path in paths if path.suffix.lower() == ".h5"]
-        other = [path for path in paths if path.suffix.lower() != ".h5"]
-        self._add([str(path.absolute()) for path in own])
-        for path in other:
-            target = (self.folder or path.absolute().parent) / "imported"
-            self._worker.ask(
-                f"the import of {path.name}",
-                bring_in,
-                [path.absolute()],
-                target,
-                then=partial(self._imported, path),
-                failed=self._failed,
-            )
+        self._failure = ""
+        self._opening.open(paths, self.folder)
+
+    def show_fit(self) -> None:
+        """Show the fit of the current trial in place of the overlay."""
+        self._tabs.setCurrentWidget(self.fit_panel)
 
     def selected(self) -> list[Row]:
         """The rows that are chosen, in the table's order."""
@@ -122,9 +114,13 @@ class TrialsPage(QWidget):
         self.open_files([path for path in paths if path not in folders])
 
     def showEvent(self, event: QShowEvent) -> None:  # noqa: N802
-        """Look for trials recorded meanwhile."""
+        """Look for trials recorded meanwhile; the first time, open the folder that was open last."""
         super().showEvent(event)
-        self.refresh()
+        last = self._habits.folder("trials")
+        if self.folder is None and last is not None and not self.table.rows:
+            self.open_folder(last)
+        else:
+            self.refresh()
 
     def hideEvent(self, event: QHideEvent) -> None:  # noqa: N802
         """Remember the layout."""
@@ -184,18 +180,20 @@ class TrialsPage(QWidget):
         focus.activated.connect(self._search.setFocus)
         self.view.selectionModel().selectionChanged.connect(lambda *_: self._chosen())
         self.view.selectionModel().currentRowChanged.connect(lambda *_: self._current())
-        self.view.doubleClicked.connect(lambda _: self._tabs.setCurrentWidget(self.fit_panel))
+        self.view.doubleClicked.connect(lambda _: self.show_fit())
         self._tabs.currentChanged.connect(lambda _: self._current())
         self.overlay.picked.connect(self._pick)
         self._reading.listed.connect(self._listed)
         self._reading.headers.connect(self._read)
         self._reading.done.connect(self._tell)
-        self._reading.failed.connect(self._failed)
+        self._opening.headers.connect(self._opened)
+        for source in (self._reading, self._opening):
+            source.failed.connect(self._failed)
         for take in (self.table.set_fits, self.fit_panel.know):
             self.commands.fitted.connect(take)
         self.commands.marked.connect(self._marked)
         self.fit_panel.fitted.connect(lambda path, row: self.table.set_fits({str(path): row}))
-        for part in (self.overlay, self.fit_panel, self.commands):
+        for part in (self.overlay, self.fit_panel, self.commands, self._opening):
             part.said.connect(self.said)
         self.commands.overlaid = lambda: (self.overlay.axes, self.overlay.groups)
 
@@ -216,23 +214,15 @@ class TrialsPage(QWidget):
 
     def _read(self, headers: Sequence[Header]) -> None:
         self.table.set_headers(headers)
-        self._select(self._to_select)
+        read = {header.path for header in headers}
+        if any(row.path in read for row in self.selected()):
+            self._chosen()  # chosen before it was known what it is
         self._tell()
 
-    def _add(self, paths: Sequence[str]) -> None:
-        if not paths:
-            return
-
-        def added(headers: Sequence[Header]) -> None:
-            self.table.set_headers(headers)
-            self._select({header.path for header in headers})
-            self._tell()
-
-        self._worker.ask("reading trial files", read_headers, list(paths), then=added, failed=self._failed)
-
-    def _imported(self, source: Path, made: Sequence[str]) -> None:
-        self.said.emit(f"{source.name}: imported as {', '.join(made)}")
-        self._add(made)
+    def _opened(self, headers: Sequence[Header]) -> None:
+        self.table.set_headers(headers)
+        self._select({header.path for header in headers})
+        self._tell()
 
     def _marked(self, headers: Sequence[Header]) -> None:
         self.table.set_headers(headers)
@@ -291,7 +281,6 @@ class TrialsPage(QWidget):
                 self.view.selectionModel().select(
                     self.filter.mapFromSource(self.table.index(place, 0)), flags
                 )
-        self._to_select = set()
 
     def _tell(self) -> None:
         """Say what the table holds, or what to do where it is empty."""

@@ -36,7 +36,7 @@ def _refused(capsys, arguments):
     [
         (r"epidermis_mm += \{ value = 0.3", "epidermis_mm = { value = -0.3", "epidermis_mm.value = -0.3: .* greater"),
         (r"bone_half_width_mm += \{ value = 1.6", "bone_half_width_mm = { value = 3.1", "leaves the fat sideways"),
-        (r"bone_dorsal_shift_mm += \{ value = 1.1", "bone_dorsal_shift_mm = { value = 1.6", "leaves the fat on the nail"),
+        (r"bone_dorsal_shift_mm += \{ value = 0.9", "bone_dorsal_shift_mm = { value = 1.6", "fat on the nail"),
         (r"\[layers.fat\]\nnu = 0.48", "[layers.fat]\nnu = 0.5", r"layers.fat.nu = 0.5: .* less than 0.5"),
         (r"half_height_mm += .*", "half_height_mm = 3.5", r"half_height_mm = 3.5: write it as \{ value"),
         (r"tip_length_mm += .*", "", "geometry.tip_length_mm is missing"),

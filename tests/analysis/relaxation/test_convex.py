@@ -85,7 +85,7 @@ def test_slopes_of_the_answer_are_its_derivatives(convex: Convex):
         answer = convex_answer(blocks, contact_mm, times_s, ContactLaw(exponent, reference_mm))
 
         def rows(p: float = exponent, c: float = contact_mm, t: float = times_s[1]) -> np.ndarray:
-            return block_rows(blocks, c, [times_s[0], t], ContactLaw(p, reference_mm))
+            return block_rows(blocks, c, [times_s[0], t], ContactLaw(p, reference_mm).level)
 
         by_p = (rows(p=exponent + step) - rows(p=exponent - step)) / (2 * step)
         by_c = (rows(c=contact_mm + step) - rows(c=contact_mm - step)) / (2 * step)

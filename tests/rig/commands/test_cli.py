@@ -25,6 +25,7 @@ COMMANDS = [
     "fit",
     "diagnose",
     "prove",
+    "export",
     "rescue",
     "discard",
     "watch",

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
@@ -203,10 +204,10 @@ def test_force_through_the_driver_and_the_newest_are_used(bench: Any, tmp_path: 
     assert calibration.volts_per_mm == NOMINAL.volts_per_mm
     assert calibration.standard_errors["volts_per_mn"] > 0
     # a second one, later, takes its place
-    text = path.read_text().replace(str(found.constants["volts_per_mn"].value), "0.02")
-    text = text.replace(found.calibrated, "2999-01-01T00:00:00+00:00")
+    text = path.read_text().replace(str(found.constants["volts_per_mn"].value), "0.016")
+    text = text.replace(found.calibrated, (found.made + timedelta(minutes=1)).isoformat())
     (tmp_path / "force-later.json").write_text(text)
-    assert newest_calibration(RigFile(), tmp_path)[0].volts_per_mn == 0.02
+    assert newest_calibration(RigFile(), tmp_path)[0].volts_per_mn == 0.016
 
 
 @pytest.mark.parametrize("which", ["position", "force"])

@@ -205,7 +205,7 @@ def test_an_empty_page_says_what_to_do(page: MismatchPage) -> None:
 def test_a_diagnosis_is_shown(page: MismatchPage, clinging: Path, tmp_path: Path, qtbot: QtBot) -> None:
     folder = _diagnosis(tmp_path / "d")
     page.open_diagnosis(folder, clinging)
-    qtbot.waitUntil(lambda: page.comparison._comparison is not None, timeout=LONG_MS)
+    qtbot.waitUntil(lambda: page.comparison.shown is not None, timeout=LONG_MS)
     words = _said(page)
     for text in (
         "The missing physics is one of several",
@@ -224,10 +224,13 @@ def test_a_diagnosis_is_shown(page: MismatchPage, clinging: Path, tmp_path: Path
         _press(page, "Use as simulated rig")
     assert asked.args == [folder / "twin.toml"]
     _press(page, "1. force, retract")
+    usual, own = page.comparison._offer.phase_starts_s, page.comparison.shown.phase_starts_s  # type: ignore[union-attr]
+    shift_s = own["retract"] - usual["retract"]  # the report's times are the median trial's
+    assert shift_s != 0.0
     low, high = page.comparison.force.getPlotItem().vb.viewRange()[0]
-    assert (low, high) == pytest.approx((2.8, 3.6))
+    assert (low, high) == pytest.approx((2.8 + shift_s, 3.6 + shift_s))
     page.comparison._which.setCurrentIndex(1)
-    qtbot.waitUntil(lambda: page.comparison._comparison.path.endswith("2.h5"), timeout=LONG_MS)  # type: ignore[union-attr]
+    qtbot.waitUntil(lambda: page.comparison.shown.path.endswith("2.h5"), timeout=LONG_MS)  # type: ignore[union-attr]
     page.comparison._after_box.setChecked(False)
     page.restyle(DARK)
 
@@ -269,7 +272,7 @@ def run(paths, out, baseline):
     assert page._run_button.isEnabled()
     page._baseline.setCurrentIndex(0)
     page.diagnose()
-    qtbot.waitUntil(lambda: page.comparison._comparison is not None, timeout=LONG_MS)
+    qtbot.waitUntil(lambda: page.comparison.shown is not None, timeout=LONG_MS)
     assert page.found is not None
     assert page.found.folder == study / "diagnosis"
     assert page._run_button.isEnabled()
@@ -292,7 +295,7 @@ def test_a_real_diagnosis(
     qtbot.addWidget(page)
     page.use_trials(tmp_path)
     page.diagnose()
-    qtbot.waitUntil(lambda: page.comparison._comparison is not None, timeout=600_000)
+    qtbot.waitUntil(lambda: page.comparison.shown is not None, timeout=600_000)
     assert page.found is not None
     assert page.found.report.n_trials == 4
     assert page.found.twin is not None

@@ -129,10 +129,12 @@ def test_a_trial_without_a_fit_has_its_reason(tmp_path: Path, simulated_trial: C
     from dataclasses import replace
 
     path = tmp_path / "sweep.h5"
-    write_trial(path, replace(simulated_trial()[0], kind="air_sweep"))
+    trial = replace(simulated_trial()[0], kind="air_sweep")
+    write_trial(path, trial)
     picture = picture_fit(str(path), "ramp", 300)
     assert "air sweep" in picture.row.failure
-    assert picture.recorded.shape == (2, 0)
+    assert picture.fitted.shape == (2, 0)
+    assert picture.recorded[1].max() == trial.force_mn.max()
 
 
 def test_samples_leave_and_come_back(study_folder: Path, tmp_path: Path) -> None:

@@ -104,6 +104,17 @@ def test_an_empty_page_says_what_to_do(page: TrialsPage, tmp_path: Path, qtbot: 
     qtbot.waitUntil(lambda: "no such folder" in page._count.text(), timeout=LONG_MS)
 
 
+def test_the_last_folder_is_open_again(
+    worker: Worker, habits: Habits, study_folder: Path, qtbot: QtBot
+) -> None:
+    habits.used_folder("trials", study_folder)
+    page = TrialsPage(worker, habits)
+    qtbot.addWidget(page)
+    page.show()
+    qtbot.waitUntil(lambda: len(page.table.rows) == 6, timeout=LONG_MS)
+    page.hide()
+
+
 def test_browse_overlay_fit(page: TrialsPage, study_folder: Path, habits: Habits, qtbot: QtBot) -> None:
     _opened(page, study_folder, 6, qtbot)
     assert habits.folder("trials") == study_folder
@@ -130,6 +141,15 @@ def test_browse_overlay_fit(page: TrialsPage, study_folder: Path, habits: Habits
     assert float(texts["A0, mN"].split(" ± ")[0]) == pytest.approx(a0, rel=0.01)
     assert page.fit_panel._table.item(0, 3).text() == "2"
     assert row.fitted
+
+
+def test_what_is_chosen_before_it_is_read_is_drawn(
+    page: TrialsPage, study_folder: Path, qtbot: QtBot
+) -> None:
+    page.open_folder(study_folder)
+    qtbot.waitUntil(lambda: len(page.table.rows) == 6, timeout=LONG_MS)
+    page.view.selectAll()
+    qtbot.waitUntil(lambda: len(page.overlay.plot.shown) == 6, timeout=LONG_MS)
 
 
 def test_looking_closer_shows_every_sample(page: TrialsPage, study_folder: Path, qtbot: QtBot) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -17,6 +18,7 @@ from typing import Any
 import pytest
 
 from analysis.recordings.trial import Calibration
+from rig.commands.safe import make_safe
 from rig.engine.interrupts import Interrupts
 from rig.engine.progress import Snapshot
 from rig.engine.runner import Runner, Task
@@ -148,6 +150,7 @@ class Program:
     process: subprocess.Popen[str]
     bench: Standing
     said: str = ""
+    seen_guards: list[int] = field(default_factory=list)
 
     def until_pressed(self, least_mn: float = 20.0, within_s: float = 60.0) -> None:
         """Wait until the finger feels so much."""
@@ -162,6 +165,7 @@ class Program:
             assert self.process.poll() is None, self.process.communicate()
             assert time.monotonic() < deadline_s, "did not happen in time"
             time.sleep(0.002)
+        assert self.guards  # noted, to be ended with the test
 
     @property
     def guards(self) -> list[int]:
@@ -170,11 +174,14 @@ class Program:
 
         found = []
         for child in psutil.Process(self.process.pid).children(recursive=True):
-            words = " ".join(child.cmdline())
+            words = ""
+            with contextlib.suppress(psutil.Error):
+                words = " ".join(child.cmdline())
             if "guard_process" in words:
                 found.insert(0, child.pid)
             elif "second_guard" in words:
                 found.append(child.pid)
+        self.seen_guards = found or self.seen_guards
         return found
 
     def signal(self, number: int = signal.SIGKILL) -> None:
@@ -189,10 +196,12 @@ class Program:
         return self.process.returncode
 
     def end(self) -> None:
-        for pid in self.guards if self.process.poll() is None else []:
-            os.kill(pid, signal.SIGCONT)
-        if self.process.poll() is None:
-            self.process.send_signal(signal.SIGCONT)
+        """Let nothing of it stay, frozen or not: what holds the arm then is the next run's business."""
+        running = self.process.poll() is None
+        for pid in {*self.seen_guards, *(self.guards if running else ())}:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        if running:
             self.process.kill()
         if not self.said and self.process.stderr is not None and not self.process.stderr.closed:
             self.wait()
@@ -226,6 +235,9 @@ def _real(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Standing]:
 def _fresh(bench: Standing, folder: Path) -> Standing:
     bench.fault("mend")
     bench.call("request", "clear_air", {})
+    if not bench.clear:  # a test that failed left it away
+        (folder / "rig.toml").write_text(Standing(bench.companion, bench.control, folder).rig_toml())
+        make_safe(folder / "rig.toml")
     bench.largest_force_mn()
     return Standing(bench.companion, bench.control, folder)
 

@@ -9,8 +9,15 @@ import pytest
 
 from analysis.recordings import read_trial
 from rig.engine.errors import ContactLostError, ContactTooEarlyError, OvershotError
+from rig.engine.interrupts import Interrupts
+from rig.engine.runner import Runner, Task
+from rig.engine.session import open_bench
 from rig.errors import RigError
-from rig.hardware.errors import LimitHit, LimitRefusedError
+from rig.hardware.errors import LimitHit, LimitRefusedError, RetreatFailedError
+from rig.hardware.lever import Lever
+from rig.hardware.retreat import straight_mm
+from rig.protocols.planning import plan_of
+from rig.settings.reading import parse_protocol, parse_rig
 
 BEFORE_CONTACT_MN = 25.0
 SURFACE = 'kind = "surface_detection"\n[surface]\nstart_mm = 2.5\n'
@@ -87,29 +94,17 @@ def test_a_ramp_does_not_run_backwards(bench: Any) -> None:
     assert bench.clear
 
 
-def test_the_surface_that_was_found_says_how_deep_the_arm_may_go(bench: Any, witness: Any) -> None:
-    rig = bench.rig_toml("[lever]\ndepth_max_mm = 0.3\n")
-    from rig.settings import reading
-
-    checked = reading.check_protocol_on_rig
-    assert checked is not None
-    with pytest.raises(LimitRefusedError, match=r"lever\.depth_max_mm allows below the surface found"):
-        _run_unchecked(bench, rig)
-    assert bench.clear
-
-
-def _run_unchecked(bench: Any, rig: str) -> None:
-    from rig.engine.interrupts import Interrupts
-    from rig.engine.runner import Runner, Task
-    from rig.engine.session import open_bench
-    from rig.protocols.planning import plan_of
-    from rig.settings.reading import parse_protocol, parse_rig
-
+def test_the_surface_that_was_found_says_how_deep_the_arm_may_go(bench: Any) -> None:
+    """A protocol that was not checked against the rig is held to its depth all the same."""
     plan = plan_of(parse_protocol(ONE, "test"), 0.5, ONE)
-    settings = parse_rig(rig, "rig.toml")
-    with open_bench(settings, settings.calibration.nominal()) as opened:
-        tasks = [Task(plan.trials[0], bench.folder / "one.h5")]
+    settings = parse_rig(bench.rig_toml("[lever]\ndepth_max_mm = 0.3\n"), "rig.toml")
+    tasks = [Task(plan.trials[0], bench.folder / "one.h5")]
+    with (
+        pytest.raises(LimitRefusedError, match=r"lever\.depth_max_mm allows below the surface found"),
+        open_bench(settings, settings.calibration.nominal()) as opened,
+    ):
         Runner(opened, Interrupts()).run(plan, tasks, bench.folder)
+    assert bench.clear
 
 
 def test_a_finger_that_leaves_in_the_hold_is_seen(bench: Any, witness: Any) -> None:
@@ -151,3 +146,31 @@ def test_a_long_hold_is_not_rewritten_with_the_punch_in_the_skin(bench: Any, wit
     dwell = trial.phase("dwell")
     assert dwell is not None
     assert (dwell.stop - dwell.start) / 8000.0 == pytest.approx(0.3, abs=0.06)
+
+
+def test_the_overshoot_is_taken_off_the_depth(bench: Any) -> None:
+    trial = read_trial(bench.run(ONE))
+    dwell, hold, command_mm = trial.phase("dwell"), trial.phase("hold"), trial.command_mm
+    assert dwell is not None
+    assert hold is not None
+    assert command_mm is not None
+    assert trial.surface is not None
+    pressed_mm = command_mm[hold.samples].mean() - command_mm[dwell.start + 200 : dwell.stop - 8].mean()
+    assert trial.surface.overshoot_um > 2.0
+    assert 1e3 * (0.8 - pressed_mm) == pytest.approx(trial.surface.overshoot_um, abs=1.0)
+
+
+def test_an_arm_that_does_not_come_to_safety_is_told(bench: Any) -> None:
+    settings = parse_rig(bench.rig_toml(), "rig.toml")
+    with Lever(settings, settings.card.address, settings.calibration.nominal()) as lever:
+        lever.retreat()
+        lever.start_recording()
+        playback = lever.play(straight_mm(lever.commanded_mm, 2.0, speed_mm_s=20.0, rate_hz=8000.0))
+        while not playback.done:
+            lever.read(80)
+        bench.fault("wire", line="position", gain=0.0, offset_v=2.0 * 2.042 - 10.0)
+        assert lever._recorder is not None
+        with pytest.raises(RetreatFailedError, match=r"instead of 0\.5 mm"):
+            lever._brake.retreat(lever._recorder)
+        bench.fault("mend")
+    assert bench.clear

@@ -107,7 +107,7 @@ def test_the_example_explains_every_key_with_its_default() -> None:
     for table, default in RigFile():
         keys = type(default).model_fields if isinstance(default, BaseModel) else {}
         for key in keys:
-            assert f"{key} = " in text, f"{table}.{key}"
+            assert f"{key} = " in text or f"[{table}.{key}]" in text, f"{table}.{key}"
 
 
 def test_what_the_example_has_as_a_comment_can_be_taken() -> None:

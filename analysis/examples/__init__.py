@@ -1,0 +1,1 @@
+"""Short scripts that show the Python interface; each runs as `python -m analysis.examples.NAME`."""

@@ -1,0 +1,1 @@
+"""Trials and fits for other programs: CSV, NWB, Parquet."""

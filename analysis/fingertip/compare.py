@@ -1,0 +1,211 @@
+"""A measured surface beside the calibrated pads: which fail, where along the finger, and what ratio fits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq, least_squares
+from scipy.stats import chi2, f
+
+from analysis.fingertip.line_load import LineAnswers
+from analysis.fingertip.surface_file import MeasuredSurface
+from analysis.recordings.trial import FloatArray
+
+FAILS_BELOW = 0.01
+"""A pad fails where a misfit as large as this one is rarer under the measurement's errors."""
+COVERAGE = 0.95
+_STARTS = 7
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """A stretch of the finger where a pad is off: its ends (mm), and the mean of measured minus pad (mm)."""
+
+    start_mm: float
+    stop_mm: float
+    mean_mm: float
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """A pad beside the surface.
+
+    ``p_value``: of a misfit as large, were the pad right. ``spans``: where it is off by more than its errors.
+    """
+
+    name: str
+    deflection_mm: FloatArray
+    rms_mm: float
+    p_value: float
+    spans: tuple[Span, ...]
+
+    @property
+    def fails(self) -> bool:
+        """Whether the surface refutes the pad."""
+        return self.p_value < FAILS_BELOW
+
+
+@dataclass(frozen=True, slots=True)
+class Located:
+    """What a surface says of the layers.
+
+    Attributes:
+        error_mm: standard error of a place, from the file, or from what the best pad leaves.
+        error_known: whether it is the file's.
+        ratio, ratio_low, ratio_high: relaxed core over epidermis with its 95 % profile interval, thickness free.
+        at_end: whether an end of the interval is an end of the ratios that were solved.
+        thickness_mm, thickness_se_mm: of the epidermis that fits best.
+        profile_log_ratio, profile_misfit: the profile: log ratios (P,), and how far the weighted sum of
+            squares lies above its least (P,).
+        pads: homogeneous, the pad file's layered pad at its best ratio, the best of all.
+    """
+
+    surface: MeasuredSurface
+    error_mm: FloatArray
+    error_known: bool
+    ratio: float
+    ratio_low: float
+    ratio_high: float
+    at_end: bool
+    thickness_mm: float
+    thickness_se_mm: float
+    limit: float
+    profile_log_ratio: FloatArray
+    profile_misfit: FloatArray
+    pads: tuple[Comparison, ...]
+
+
+def locate(surface: MeasuredSurface, answers: LineAnswers) -> Located:
+    """Set the surface beside every pad and find the ratio of layers, thickness of the epidermis let free.
+
+    Where the file gives no errors they are taken from what the best pad leaves, and the tests are F tests.
+    """
+    known = bool(np.isfinite(surface.error_mm).all())
+    weight = 1 / surface.error_mm if known else np.ones_like(surface.position_mm)
+    layered = answers.layered_at(surface.position_mm)
+    first, last = np.log(answers.ratios[[0, -1]]).tolist()
+    thin, thick = answers.thickness_mm[[0, -1]].tolist()
+
+    def off(log_ratio: float, thickness_mm: float) -> FloatArray:
+        return (layered(log_ratio, thickness_mm) - surface.deflection_mm) * weight
+
+    def best_thickness(log_ratio: float) -> tuple[float, float]:
+        def by_thickness(values: FloatArray) -> FloatArray:
+            return off(log_ratio, float(values[0]))
+
+        solved = _solve(by_thickness, [(thin + thick) / 2], [thin], [thick])
+        return float(solved.x[0]), 2 * float(solved.cost)
+
+    def by_both(values: FloatArray) -> FloatArray:
+        return off(float(values[0]), float(values[1]))
+
+    def by_ratio(values: FloatArray) -> FloatArray:
+        return off(float(values[0]), own_mm)
+
+    own_mm = float(answers.thickness_mm[len(answers.thickness_mm) // 2])
+    starts = np.linspace(first, last, _STARTS + 2)[1:-1].tolist()
+    tried = [_solve(by_both, [start, own_mm], [first, thin], [last, thick]) for start in starts]
+    solved = min(tried, key=_cost)
+    freedom = len(surface.position_mm) - 2
+    least = 2 * float(solved.cost)
+    variance = 1.0 if known else least / freedom
+    log_ratio, thickness = (float(v) for v in solved.x)
+    limit = float(chi2.ppf(COVERAGE, 1) if known else f.ppf(COVERAGE, 1, freedom))
+
+    def above(at: float) -> float:
+        return (best_thickness(at)[1] - least) / variance
+
+    low, high, at_end = _interval(above, log_ratio, limit, (first, last))
+    grid = np.unique(np.append(np.linspace(first, last, 61), [low, log_ratio, high]))
+    jacobian = np.asarray(solved.jac)
+    covariance = np.linalg.pinv(jacobian.T @ jacobian) * variance
+    error_mm = surface.error_mm if known else np.full_like(surface.position_mm, np.sqrt(variance))
+    own = _solve(by_ratio, [log_ratio], [first], [last])
+    pads = (
+        _compared("homogeneous", answers.homogeneous_at(surface.position_mm), surface, error_mm, known, 0),
+        _compared(
+            f"elastic epidermis of {own_mm:.2g} mm, ratio {np.exp(own.x[0]):.3g}",
+            layered(float(own.x[0]), own_mm), surface, error_mm, known, 1,
+        ),
+        _compared(
+            f"elastic epidermis of {thickness:.3g} mm, ratio {np.exp(log_ratio):.3g}",
+            layered(log_ratio, thickness), surface, error_mm, known, 2,
+        ),
+    )  # fmt: skip
+    return Located(
+        surface, error_mm, known, float(np.exp(log_ratio)), float(np.exp(low)), float(np.exp(high)), at_end,
+        thickness, float(np.sqrt(covariance[1, 1])), limit, grid, np.array([above(g) for g in grid]), pads,
+    )  # fmt: skip
+
+
+def _solve(
+    off: Callable[[FloatArray], FloatArray], start: list[float], low: list[float], high: list[float]
+) -> Any:
+    return least_squares(off, start, bounds=(low, high), x_scale=np.subtract(high, low), xtol=1e-12)
+
+
+def _cost(solved: Any) -> float:
+    return float(solved.cost)
+
+
+def _interval(
+    above: Callable[[float], float], best: float, limit: float, ends: tuple[float, float]
+) -> tuple[float, float, bool]:
+    """Return where the profile crosses its limit on both sides of the best, or the end of what was solved."""
+    found, at_end = [], False
+    for end in ends:
+        # outwards in small steps: the profile need not be convex
+        steps = np.linspace(best, end, 41)[1:]
+        inside = best
+        for step in steps:
+            if above(float(step)) > limit:
+                found.append(float(brentq(lambda at: above(at) - limit, inside, float(step), xtol=1e-4)))
+                break
+            inside = float(step)
+        else:
+            found.append(end)
+            at_end = True
+    return found[0], found[1], at_end
+
+
+def _compared(
+    name: str,
+    deflection: FloatArray,
+    surface: MeasuredSurface,
+    error_mm: FloatArray,
+    known: bool,
+    fitted: int,
+) -> Comparison:
+    left = surface.deflection_mm - deflection
+    freedom = len(left) - fitted
+    squares = float(np.sum((left / error_mm) ** 2))
+    # with errors taken from the best pad's own misfit (two values fitted) the ratio is Fisher's
+    p_value = chi2.sf(squares, freedom) if known else f.sf(squares / freedom, freedom, len(left) - 2)
+    return Comparison(
+        name,
+        deflection,
+        float(np.sqrt(np.mean(left**2))),
+        float(p_value),
+        _spans(surface.position_mm, left / error_mm, left),
+    )
+
+
+def _spans(position_mm: FloatArray, scaled: FloatArray, left: FloatArray) -> tuple[Span, ...]:
+    """Return stretches of three places or more whose mean is off by more than three of its standard errors."""
+    width = 3
+    if len(scaled) < width:
+        return ()
+    mean = np.convolve(scaled, np.ones(width) / np.sqrt(width), mode="valid")
+    far = np.zeros(len(scaled), dtype=int)
+    for start in np.flatnonzero(np.abs(mean) > 3.0):
+        far[start : start + width] = int(np.sign(mean[start]))
+    edges = np.flatnonzero(np.diff(far)) + 1
+    pieces = np.split(np.arange(len(far)), edges)
+    return tuple(
+        Span(float(position_mm[p[0]]), float(position_mm[p[-1]]), float(left[p].mean()))
+        for p in pieces
+        if far[p[0]] != 0
+    )

@@ -1,0 +1,134 @@
+"""Deflection of the skin under a line, for calibrated pads of any ratio and thickness of the epidermis."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from analysis.fingertip.calibrate import SCAN_RATIOS, CalibratedPad, calibrate, scan, target_of
+from analysis.fingertip.calibration_file import Calibration
+from analysis.fingertip.contact import Pressed, press, ramp_and_hold
+from analysis.fingertip.contact_pad import ContactPad, contact_pad
+from analysis.fingertip.pad_file import PadFile
+from analysis.fingertip.punch import punch_pad
+from analysis.fingertip.reduced import chebyshev_ratios
+from analysis.recordings.trial import FloatArray
+
+THICKNESSES = (2 / 3, 1.0, 4 / 3)
+"""Of the pad file's epidermis, that it is let free between: 0.2 to 0.4 mm of an assumed 0.3 mm."""
+SNAPSHOTS = chebyshev_ratios(0.009, 3.2, 6)
+"""Ratios that shapes are taken at: from the softest core, relaxed, to the stiffest at once."""
+_RAMP_STEPS, _HOLD_STEPS = 20, 16
+
+
+@dataclass(frozen=True, slots=True)
+class LineMotion:
+    """How the line is pressed: to a depth, at a speed, held until the surface is measured."""
+
+    depth_mm: float = 0.5  # Kumar et al. 2015, as the rest
+    speed_mm_s: float = 0.5
+    hold_s: float = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class LineAnswers:
+    """Deflections (mm) at places along the finger (q,) mm for pads of many ratios and thicknesses.
+
+    Attributes:
+        ratios, thickness_mm: (R,) relaxed core over epidermis, and (T,) of the epidermis.
+        layered: (T, R, q); homogeneous: (q,).
+        pads: the calibrated layered pads, by thickness and ratio.
+        pressed: the homogeneous pad, and the layered pad of every ratio at the file's own thickness.
+        model: the pad at the file's own thickness.
+    """
+
+    motion: LineMotion
+    position_mm: FloatArray
+    ratios: FloatArray
+    thickness_mm: FloatArray
+    layered: FloatArray
+    homogeneous: FloatArray
+    pads: tuple[tuple[CalibratedPad, ...], ...]
+    pressed: tuple[Pressed, ...]
+    model: ContactPad
+
+    def layered_at(self, position_mm: FloatArray) -> Callable[[float, float], FloatArray]:
+        """Return a function of log ratio and thickness (mm): the deflection (N,) mm at places (N,) mm.
+
+        Cubic splines along the finger and in log ratio, a parabola in thickness.
+        """
+        there = CubicSpline(self.position_mm, self.layered, axis=2)(position_mm)
+        by_ratio = CubicSpline(np.log(self.ratios), there, axis=1)
+
+        def deflection(log_ratio: float, thickness_mm: float) -> FloatArray:
+            curve: FloatArray = _lagrange(self.thickness_mm, thickness_mm) @ by_ratio(log_ratio)
+            return curve
+
+        return deflection
+
+    def homogeneous_at(self, position_mm: FloatArray) -> FloatArray:
+        """Return the homogeneous pad's deflection, (N,) mm, at places (N,) mm."""
+        curve: FloatArray = CubicSpline(self.position_mm, self.homogeneous)(position_mm)
+        return curve
+
+
+def _lagrange(nodes: FloatArray, at: float) -> FloatArray:
+    return np.array(
+        [np.prod([(at - b) / (a - b) for j, b in enumerate(nodes) if j != i]) for i, a in enumerate(nodes)]
+    )
+
+
+def press_line(pad: ContactPad, calibrated: CalibratedPad, motion: LineMotion) -> Pressed:
+    """Press the line into a calibrated pad and hold it."""
+    time_s, depth_mm = ramp_and_hold(
+        motion.depth_mm, motion.depth_mm / motion.speed_mm_s, motion.hold_s, _RAMP_STEPS, _HOLD_STEPS
+    )
+    return press(pad, calibrated.materials(pad.relative), time_s, depth_mm)
+
+
+def answer_lines(
+    found: Calibration,
+    motion: LineMotion,
+    cache: Path,
+    ratios: Sequence[float] = SCAN_RATIOS,
+    snapshots: FloatArray = SNAPSHOTS,
+) -> LineAnswers:
+    """Calibrate and press pads of every ratio, at three thicknesses of the epidermis.
+
+    ``snapshots`` are the ratios that the pads' shapes under the line are taken at.
+    """
+    target = target_of(found.measured)
+    terms = found.pad.calibration.prony_terms
+    nominal_mm = found.pad.geometry.epidermis_mm.value
+    thickness_mm = nominal_mm * np.array(THICKNESSES)
+    layered, pads = [], []
+    pressed: list[Pressed] = []
+    own: ContactPad | None = None
+    for thickness in thickness_mm.tolist():
+        settings: PadFile = found.pad if thickness == nominal_mm else found.pad.with_epidermis(thickness)
+        punch = punch_pad(settings, cache)
+        line = contact_pad(settings, "line", snapshots, cache)
+        calibrated = tuple(scan(punch, target, terms, ratios))
+        answers = [press_line(line, one, motion) for one in calibrated]
+        layered.append([line.deflection @ one.weights[-1] for one in answers])
+        pads.append(calibrated)
+        if thickness == nominal_mm:
+            own = line
+            plain = calibrate(punch, target, "homogeneous", 1.0, terms)
+            pressed = [press_line(line, plain, motion), *answers]
+    assert own is not None
+    return LineAnswers(
+        motion,
+        own.position_mm,
+        np.array(ratios),
+        thickness_mm,
+        np.array(layered),
+        own.deflection @ pressed[0].weights[-1],
+        tuple(pads),
+        tuple(pressed),
+        own,
+    )

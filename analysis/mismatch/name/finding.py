@@ -76,7 +76,8 @@ def findings(named: Named, baseline: Account, lines: Sequence[Line]) -> tuple[Fi
             )
         )
     for line in lines:
-        if line.name:
+        # a harmonic is no second hum
+        if line.name and all(f.name != line.name for f in found):
             m = library()[line.name]
             sizes = {
                 "amplitude_mn": Quantity(line.amplitude_mn, line.amplitude_se_mn, "mN"),

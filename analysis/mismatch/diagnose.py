@@ -33,7 +33,7 @@ def diagnose_paths(
     if out.exists() and not out.is_dir():
         raise BadInputError(f"{out}: is a file: choose another --out")
     from analysis.mismatch.diagnosis import diagnose
-    from analysis.mismatch.intake import take_in
+    from analysis.mismatch.study.intake import take_in
     from analysis.recordings import find_trials
 
     files = find_trials(paths)
@@ -48,15 +48,15 @@ def diagnose_paths(
 
 
 def _write(folder: Path, diagnosis: Any, *, baseline: str, seed: int, tolerance_mn: float) -> None:
-    from analysis.mismatch.propose import propose
-    from analysis.mismatch.report_figures import draw_figures
-    from analysis.mismatch.report_page import write_page
-    from analysis.mismatch.twin import write_twin
-    from analysis.mismatch.verdict import make_report
-    from analysis.mismatch.wording import summary
+    from analysis.mismatch.propose.experiment import propose
+    from analysis.mismatch.report.figures import draw_figures
+    from analysis.mismatch.report.page import write_page
+    from analysis.mismatch.report.twin import write_twin
+    from analysis.mismatch.report.verdict import make_report
+    from analysis.mismatch.report.wording import summary
 
     report = make_report(diagnosis, baseline=baseline, seed=seed, tolerance_mn=tolerance_mn)
-    report = replace(report, next_experiment=propose(diagnosis, report, folder / "next.toml"))
+    report = replace(report, next_experiment=propose(diagnosis, folder / "next.toml"))
     report = replace(report, summary=summary(report))
     write_twin(folder / "twin.toml", diagnosis, report)
     figures = draw_figures(folder, diagnosis, report)

@@ -43,7 +43,7 @@ class CellTrial:
     ``servo_signature_mm`` (n, 2) the change of the servo's position by ln(natural frequency) and ln(damping);
     ``phase`` indexes PHASE_NAMES (-1: none).
     ``pressed_before`` holds the indentations before this one: depth (mm) and how long before the first sample it
-    ended (s).
+    ended (s). ``study_depth_mm`` is the largest depth of all trials that are compared.
     """
 
     label: str
@@ -70,6 +70,7 @@ class CellTrial:
     has_command: bool
     pressed_before: tuple[tuple[float, float], ...] = ()
     target_stiffness_mn_per_mm: float | None = None
+    study_depth_mm: float = 1.0
     fitted: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
 
     @property
@@ -273,5 +274,6 @@ def reduce_trial(
         has_command=command is not None,
         pressed_before=pressed_before,
         target_stiffness_mn_per_mm=trial.specimen.target_stiffness_mn_per_mm,
+        study_depth_mm=max(abs(reached - z0_mm), 1e-9),
         fitted=fitted,
     )

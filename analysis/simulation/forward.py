@@ -45,13 +45,13 @@ def simulate_force(
     *,
     rigid_stiffness: float = RIGID_STIFFNESS_MN_PER_MM,
     surface_mm: FloatArray | float = 0.0,
-    drop_mn: FloatArray | float = 0.0,
+    lost_share: FloatArray | float = 0.0,
     ideal_step: bool = False,
 ) -> FloatArray:
     """Return the recorded force (n,) of a trial in mN.
 
     ``added`` are mechanisms with their parameters. ``surface_mm`` (a movement of the skin towards the arm)
-    and ``drop_mn`` (lost while in contact) carry what has its own time or phase in every trial.
+    and ``lost_share`` (of the contact's force) carry what has its own time or phase in every trial.
     ``ideal_step``: the textbook simplification, in which the indentation of the hold was reached at once at
     the end of the ramp.
     """
@@ -75,7 +75,7 @@ def simulate_force(
                 tip = m.tip_mm(trial, tip, contact, p)
             new = _contact_force(trial, tip, z0, tissue, added, rigid_stiffness, ideal_step)
             contact = new if rounds == 1 else _relaxed(contact, new, trial, tissue, added, rigid_stiffness)
-        contact = contact - drop_mn * (contact > 0.0)
+        contact = contact * (1.0 - lost_share)
     force = contact
     for m, p in sorted(added, key=lambda item: item[0].sensor_rank):
         force = m.sensor_force_mn(trial, force, p)

@@ -129,8 +129,11 @@ class Mechanism:
         """The force that is recorded."""
         return force_mn
 
-    def probe_settings(self, peak_force_mn: float) -> tuple[Values, ...]:
-        """Return the settings at which the signature is taken, given the largest force recorded."""
+    def probe_settings(self, peak_force_mn: float, depth_mm: float) -> tuple[Values, ...]:
+        """Return the settings at which the signature is taken, given a study's largest force and depth.
+
+        Each names the parameters that are free in this form of the law; all others stay at ``null``.
+        """
         return self.probes
 
     @property

@@ -39,7 +39,7 @@ class Adhesion(Mechanism):
     source = "pull-off of an adhering flat punch"
     separated_by = "talcum on the punch"
 
-    def probe_settings(self, peak_force_mn: float) -> tuple[Values, ...]:
+    def probe_settings(self, peak_force_mn: float, depth_mm: float) -> tuple[Values, ...]:
         """Pull-offs that are no more than a share of the largest force: on a cell it is a thousandth of a finger's."""
         return tuple(
             {**p, "pull_off_mn": min(p["pull_off_mn"], SHARE_OF_PEAK * p["pull_off_mn"] * peak_force_mn)}

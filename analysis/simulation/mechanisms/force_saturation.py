@@ -25,7 +25,7 @@ class ForceSaturation(Mechanism):
     source = "converter and amplifier range"
     separated_by = "smaller depth"
 
-    def probe_settings(self, peak_force_mn: float) -> tuple[Values, ...]:
+    def probe_settings(self, peak_force_mn: float, depth_mm: float) -> tuple[Values, ...]:
         """Levels below the largest force of the recordings."""
         shares = (0.5, 0.65, 0.8, 0.9, 0.95, 0.98, 0.99)
         return tuple(

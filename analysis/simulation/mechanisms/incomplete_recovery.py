@@ -24,7 +24,9 @@ class IncompleteRecovery(Mechanism):
     )
     amplitude = "fraction"
     null = {"fraction": 0.0, "time_constant_s": 60.0}
-    probes = tuple({"fraction": 0.01, "time_constant_s": t} for t in (3.0, 10.0, 30.0, 100.0, 300.0))
+    probes = tuple(
+        {"fraction": 0.01, "time_constant_s": t} for t in (4.0, 7.0, 12.0, 20.0, 35.0, 60.0, 120.0, 300.0)
+    )
     typical = {"fraction": 0.1, "time_constant_s": 60.0}
     words = "the tissue had not recovered from the previous indentation when the next one began"
     source = (

@@ -35,7 +35,7 @@ class PoroelasticDrainage(Mechanism):
     ) -> FloatArray:
         """Force of the draining fluid."""
         T = p["time_constant_s"]
-        s = np.geomspace(0.02, 2e3, 22)
+        s = np.geomspace(0.02, 2e3, 14)
         weights = s**-0.5 * np.exp(-0.25 / s) / (2 * np.sqrt(np.pi)) * np.log(s[1] / s[0])
         weights /= weights.sum()
         slow = arms_force(depth_mm, trial.steps, T / s, 1.304 * weights)

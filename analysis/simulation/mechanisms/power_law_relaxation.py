@@ -36,7 +36,7 @@ class PowerLawRelaxation(Mechanism):
     ) -> FloatArray:
         """Force of the spring-pot."""
         a = p["exponent"]
-        taus = np.geomspace(5e-5, 1e4, 26)
+        taus = np.geomspace(5e-5, 1e4, 18)
         step = float(np.log(taus[1] / taus[0]))
         weights = p["coefficient_mn_per_mm"] * taus**-a * step / gamma(a)
         return arms_force(depth_mm, trial.steps, taus, weights)

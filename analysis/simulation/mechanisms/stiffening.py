@@ -2,30 +2,40 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Values
 
 
 class Stiffening(Mechanism):
-    """The tissue's law answers to d (1 + b d + c d^2) instead of d; c, the ``curvature``, is 0 in the textbook."""
+    """The tissue's law answers to d (1 + b d), or to d (d / D)^(p - 1), D being half of the study's largest depth.
+
+    b is the first term of a hyperelastic law; p goes from flat punch (1) through sphere (1.5) to cone (2) and knows no
+    scale of length: D only keeps k0 a stiffness. Where p is not 1 it rules, and b is only what it amounts to at D.
+    """
 
     name = "stiffening"
     stage = "contact"
     parameters = (
-        Parameter("coefficient_per_mm", "1/mm", -0.3, 1.0e4),
-        Parameter("curvature_per_mm2", "1/mm^2", -0.5, 1.0e8, inner=True),
+        Parameter("coefficient_per_mm", "1/mm", -0.5, 1.0e4),
+        Parameter("exponent", "1", 0.5, 4.0),
     )
     amplitude = "coefficient_per_mm"
-    null = {"coefficient_per_mm": 0.0, "curvature_per_mm2": 0.0}
-    probes = (
-        {"coefficient_per_mm": 0.02, "curvature_per_mm2": 0.0},
-        {"coefficient_per_mm": 0.8, "curvature_per_mm2": 0.0},
-    )
-    typical = {"coefficient_per_mm": 0.3, "curvature_per_mm2": 0.0}
+    null = {"coefficient_per_mm": 0.0, "exponent": 1.0}
+    typical = {"coefficient_per_mm": 0.3, "exponent": 1.0}
     words = "the skin gets stiffer the deeper it is pressed"
-    source = "first term of a hyperelastic law"
+    source = "first term of a hyperelastic law; Sneddon's punches, sphere and cone: force as a power of depth"
     separated_by = "three depths at three surface heights"
 
+    def probe_settings(self, peak_force_mn: float, depth_mm: float) -> tuple[Values, ...]:
+        """Either form of the law: a tenth of curvature over the study's own depths, or a power a tenth above 1."""
+        return ({"coefficient_per_mm": 0.1 / max(depth_mm, 1e-12)}, {"exponent": 1.1})
+
     def indentation_mm(self, trial: CellTrial, depth_mm: FloatArray, p: Values) -> FloatArray:
-        """d (1 + b d + c d^2)."""
-        return depth_mm * (1.0 + (p["coefficient_per_mm"] + p["curvature_per_mm2"] * depth_mm) * depth_mm)
+        """d (1 + b d), or d (d / D)^(p - 1)."""
+        if p["exponent"] == 1.0:
+            return depth_mm * (1.0 + p["coefficient_per_mm"] * depth_mm)
+        share = np.maximum(depth_mm, 0.0) / (0.5 * trial.study_depth_mm)
+        # d^p = exp((p - 1) ln d) d, and 0 where nothing is pressed
+        return np.where(share > 0.0, depth_mm * np.maximum(share, 1e-12) ** (p["exponent"] - 1.0), 0.0)

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.mismatch.planned import PlannedTrial, planned_cells
+from analysis.mismatch.propose.planned import PlannedTrial, planned_cells
 from rig.settings.reading import check_protocol_on_rig, parse_protocol, parse_rig
 
 

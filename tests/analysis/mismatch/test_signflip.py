@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.stats import binom
 
-from analysis.mismatch.signflip import Family, flip_test
+from analysis.mismatch.evidence.signflip import Family, flip_test
 
 TRIALS, CANDIDATES, STUDIES = 20, 60, 300
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis.mismatch.intake import take_in_memory
+from analysis.mismatch.study.intake import take_in_memory
 from analysis.simulation.mechanism import Tissue
 from analysis.simulation.mechanisms.incomplete_recovery import sinking
 

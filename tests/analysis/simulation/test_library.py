@@ -54,8 +54,8 @@ def test_law_is_absent_at_its_null_and_seen_at_its_probes(mechanism: Mechanism, 
     # an arc of 10 m is as straight as a parameter with an upper bound can say
     np.testing.assert_allclose(null, plain, atol=(1e-4 if mechanism.name == "lever_arc" else 1e-9) * size)
     seen = []
-    for values in mechanism.probe_settings(size):
-        changed = simulate_force(trial, TISSUE, own, [(mechanism, values)])
+    for values in mechanism.probe_settings(size, trial.depth_mm):
+        changed = simulate_force(trial, TISSUE, own, [(mechanism, {**mechanism.null, **values})])
         assert np.all(np.isfinite(changed))
         seen.append(float(np.max(np.abs(changed - plain))))
     # what the previous indentation left may be gone after the rest, for the shorter of its times

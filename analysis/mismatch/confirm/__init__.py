@@ -1,0 +1,1 @@
+"""Confirmation on trials that were not fitted."""

@@ -1,0 +1,1 @@
+"""How much trials say for one account against another."""

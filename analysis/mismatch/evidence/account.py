@@ -1,0 +1,190 @@
+"""One account of the recordings: a fitted set of effects, and the evidence for it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.mismatch.evidence.heldout import FEWEST_HELD_OUT, heldout_deviance
+from analysis.mismatch.fit.baseline import reweighed
+from analysis.mismatch.fit.gram import Grams, gram
+from analysis.mismatch.fit.law_fit import fit_laws, law_columns, law_prior
+from analysis.mismatch.fit.noise import NoiseModel
+from analysis.mismatch.fit.study_fit import StudyFit
+from analysis.mismatch.levels import INEXACT
+from analysis.mismatch.model.effects import Law, OwnShape, TrialState, simulate
+from analysis.recordings.trial import PHASE_NAMES
+from analysis.simulation.response import low_pass
+
+FloatArray = NDArray[np.float64]
+
+INEXACT_KIND = "inexact"
+SLOW_S = 0.06
+PER_PHASE, SMOOTH = 5, 2
+"""Shapes of a law's inexactness in every phase, and how many of them are free in every trial anew."""
+NEGLIGIBLE = 0.01
+SETTLES_S = (0.005, 0.05)
+"""A law may be off for such times after a phase began."""
+
+
+@dataclass(frozen=True)
+class Account:
+    """A fitted simulation; ``steps`` are the kinds of events and oscillations in it, ``cost`` (n,) their price in nats.
+
+    That price is what it takes to have looked for them at every time or frequency.
+    """
+
+    fit: StudyFit
+    steps: tuple[str, ...] = ()
+    cost: float = 0.0
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of everything that was added."""
+        return (*(law.name for law in self.fit.shared.laws), *self.steps)
+
+    @cached_property
+    def grams(self) -> Grams:
+        """Products of the laws' own columns."""
+        fit = self.fit
+        columns = [law_columns(t, s, fit.shared) for t, s in zip(fit.trials, fit.states, strict=True)]
+        return gram(fit, columns, law_prior(fit.shared.laws)[0])
+
+    @cached_property
+    def evidence(self) -> FloatArray:
+        """Log predictive density (n,) of each trial given the others, in nats, but for what is the same for all."""
+        determinants = np.array([p.log_determinant for p in self.fit.projectors])
+        deviance = heldout_deviance(self.grams, range(self.grams.n_added))
+        return np.asarray(-0.5 * (deviance + determinants) - self.cost / len(deviance))
+
+    def gain_over(self, other: Account) -> tuple[float, float]:
+        """Return the gain in nats over another account of the same trials and noise, and its paired error."""
+        gain = self.evidence - other.evidence
+        return float(gain.sum()), float(np.std(gain) * np.sqrt(len(gain)))
+
+    def with_laws(self, laws: tuple[Law, ...]) -> Account:
+        """Return the account refitted with other laws."""
+        fit = replace(self.fit, shared=replace(self.fit.shared, laws=laws))
+        fit = fit_laws(fit)
+        return replace(
+            self, fit=fit_laws(fit.with_population(1), rounds=2) if laws else fit.with_population()
+        )
+
+    def without(self, name: str) -> Account:
+        """Return the account refitted without one effect."""
+        if name in self.steps:
+            fit = replace(self.fit, states=tuple(_without(s, name) for s in self.fit.states))
+            account = Account(fit, tuple(n for n in self.steps if n != name), self.cost)
+            return account.with_laws(fit.shared.laws)
+        stripped = replace(
+            self, fit=replace(self.fit, states=tuple(_without(s, name) for s in self.fit.states))
+        )
+        return stripped.with_laws(tuple(law for law in self.fit.shared.laws if law.name != name))
+
+    def quick(self) -> Account:
+        """Return the account weighed by the quick part of its noise only.
+
+        What looks like slow noise may be what was left out; it is judged by the noise that is left with it.
+        """
+        noise = self.fit.noise
+        parts = tuple(part for part in noise.parts if part[1] < SLOW_S)
+        if parts == noise.parts:
+            return self
+        return replace(self, fit=self.fit.weighed_by(NoiseModel(noise.white_mn, parts)).with_population(1))
+
+    def reweighed(self) -> Account:
+        """Return the account with the noise measured anew from what it leaves."""
+        return self.at_noise(reweighed(self.fit).noise)
+
+    @property
+    def exact(self) -> Account:
+        """The account with its laws taken as exact: a quicker place to begin a fit."""
+        kept = [[k for k, x in enumerate(s.shapes) if x.kind != INEXACT_KIND] for s in self.fit.states]
+        states = tuple(_kept(s, k) for s, k in zip(self.fit.states, kept, strict=True))
+        return replace(self, fit=replace(self.fit, states=states))
+
+    def at_noise(self, noise: NoiseModel) -> Account:
+        """Return the account refitted with another noise, its laws allowed to be inexact."""
+        fit = with_inexactness(self.fit.weighed_by(noise)).with_population(1)
+        return replace(self, fit=fit_laws(fit, rounds=3))
+
+
+def _without(state: TrialState, effect: str) -> TrialState:
+    """Return a state without the shapes of one effect."""
+    return _kept(state, [k for k, shape in enumerate(state.shapes) if shape.effect != effect])
+
+
+def _kept(state: TrialState, kept: list[int]) -> TrialState:
+    return replace(state, shapes=tuple(state.shapes[k] for k in kept), coefficients=state.coefficients[kept])
+
+
+def with_inexactness(fit: StudyFit) -> StudyFit:
+    """Return the fit in which every law may be off by a tenth of its size, differently in every trial and phase.
+
+    In one or two trials that can't be told from another size of the law itself.
+    """
+    if len(fit.trials) < FEWEST_HELD_OUT:
+        return fit
+    columns = inexact_columns(fit, timing=False)
+    names = [law.name for law in fit.shared.laws]
+    states = []
+    for own, state in zip(columns, fit.states, strict=True):
+        kept = [k for k, shape in enumerate(state.shapes) if shape.kind != INEXACT_KIND]
+        per_law = own.shape[1] // max(len(names), 1)
+        added = [
+            OwnShape(names[k // per_law], "force", own[:, k], INEXACT**2, 0.0, INEXACT_KIND)
+            for k in range(own.shape[1])
+            if np.any(own[:, k]) and k % per_law % PER_PHASE < SMOOTH
+        ]
+        states.append(
+            replace(
+                state,
+                shapes=(*(state.shapes[k] for k in kept), *added),
+                coefficients=np.append(state.coefficients[kept], np.zeros(len(added))),
+            )
+        )
+    return replace(fit, states=tuple(states))
+
+
+def law_effects(fit: StudyFit, j: int) -> list[FloatArray]:
+    """Return what each law changes in the j-th trial's force, (n,) mN each."""
+    trial, state, shared = fit.trials[j], fit.states[j], fit.shared
+    whole = simulate(trial, state, shared)
+    found = []
+    for at in range(len(shared.laws)):
+        others = shared.laws[:at] + shared.laws[at + 1 :]
+        found.append(whole - simulate(trial, state, replace(shared, laws=others)))
+    return found
+
+
+def inexact_columns(fit: StudyFit, *, timing: bool = True) -> list[FloatArray]:
+    """Return, by trial, each law's effect times smooth functions over every phase (n, D); coefficients about 0.1.
+
+    What a law that is right to a tenth leaves over is expected there, and no evidence for another. Beside them
+    (``timing``) is what half a sample of delay between the channels does.
+    """
+    found = []
+    for j, trial in enumerate(fit.trials):
+        columns = []
+        for effect in law_effects(fit, j):
+            largest = float(np.abs(effect).max())
+            for code in range(len(PHASE_NAMES)):
+                inside = trial.phase == code
+                t = trial.time_s[inside]
+                since = t - t[0] if len(t) else t
+                u = 2.0 * since / max(float(since[-1]), 1e-12) - 1.0 if len(t) else t
+                shows = len(t) > 1 and float(np.abs(effect[inside]).max()) > NEGLIGIBLE * largest
+                for shape in (np.ones_like(u), u, 1.5 * u**2 - 0.5, *(np.exp(-since / s) for s in SETTLES_S)):
+                    column = np.zeros_like(effect)
+                    if shows:
+                        column[inside] = effect[inside] * shape
+                    columns.append(column)
+        if timing:
+            half_s = 0.5 / trial.sample_rate_hz
+            force = fit.force_mn(j)
+            columns.append((low_pass(force, trial.steps, half_s) - force) / INEXACT)
+        found.append(np.column_stack(columns) if columns else np.zeros((len(trial.time_s), 0)))
+    return found

@@ -1,0 +1,1 @@
+"""Fits: one trial, all trials, the noise, the laws."""

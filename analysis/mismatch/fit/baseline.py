@@ -1,0 +1,138 @@
+"""The baseline simulation fitted, and the noise that is left between trials after their own tissue."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.mismatch.fit.gram import gram
+from analysis.mismatch.fit.noise import NoiseModel, measure_noise
+from analysis.mismatch.fit.start import start_rigid, start_tissue
+from analysis.mismatch.fit.study_fit import StudyFit, all_equal
+from analysis.mismatch.fit.whitener import Whitener
+from analysis.mismatch.model.effects import TISSUE_SIZE, OwnShape, Shared, TrialState, simulate
+from analysis.mismatch.model.population import Population
+from analysis.simulation.cells import CellTrial
+from analysis.simulation.smoothing import sample_noise
+
+FloatArray = NDArray[np.float64]
+
+SETTLES_S = 0.15
+SHORTEST = 64
+FIRST_SLOW = (0.02, 0.1)
+"""Variance (in units of white) and time (s) of the slow noise that is assumed before any was measured."""
+NOISE_ROUNDS = 2
+STATED_BLOCK, UNSTATED_BLOCK = 0.05, 0.5
+"""How well the stiffness of a block is known, as a logarithm."""
+FEWEST = 3
+WANDER_S = 6.4
+WANDERS = (0.0, 0.1, 0.2, 0.35, 0.6, 1.0, 1.7, 3.0, 5.0)
+"""Slow wanders that are tried, rms in units of the white noise of a sample."""
+
+
+def fit_baseline(trials: Sequence[CellTrial], *, ideal_step: bool = False) -> StudyFit:
+    """Return the baseline simulation with noise and population estimated in turn."""
+    tissue = start_tissue(trials)
+    mean = np.log([tissue.k0, tissue.k1, tissue.tau1, tissue.k2, tissue.tau2])
+    nothing = np.zeros(0)
+    states = tuple(
+        TrialState(mean if t.kind == "ramp_hold_retract" else nothing, t.z0_start_mm, t.offset_start_mn)
+        for t in trials
+    )
+    shared = Shared((), start_rigid(trials), ideal_step)
+    states = tuple(_with_block(t, s, shared) for t, s in zip(trials, states, strict=True))
+    white = max(float(np.median([sample_noise(t.full_force_mn.astype(np.float64)) for t in trials])), 1e-12)
+    noise = NoiseModel(white, ((FIRST_SLOW[0] * white**2, FIRST_SLOW[1]),))
+    fit = StudyFit(
+        tuple(trials),
+        tuple(Whitener(t, noise) for t in trials),
+        noise,
+        shared,
+        states,
+        Population.weak(mean),
+    )
+    for _ in range(NOISE_ROUNDS):
+        fit = fit.with_population()
+        fit = with_wander(fit.weighed_by(noise_of(fit)))
+    return fit.with_population()
+
+
+def _with_block(trial: CellTrial, state: TrialState, shared: Shared) -> TrialState:
+    """Return the state of a run on a stiff block with that block's stiffness free, as far as it is not stated."""
+    if trial.kind != "rigid_target":
+        return state
+    known = STATED_BLOCK if trial.target_stiffness_mn_per_mm else UNSTATED_BLOCK
+    force = simulate(trial, state, shared) - state.offset_mn
+    return replace(state, shapes=(OwnShape("block", "force", force, known**2),), coefficients=np.zeros(1))
+
+
+def noise_of(fit: StudyFit) -> NoiseModel:
+    """Return the noise from what differs between trials of one condition at rest, each after its own tissue.
+
+    This is the pure error of a lack-of-fit test: what all trials of a condition have in common is no noise, whatever
+    it is. Where a condition was run once its residual itself is taken.
+    """
+    rates = [t.sample_rate_hz for t in fit.trials]
+    if not all_equal(rates):
+        white = [sample_noise(fit.full_residual_mn(j)) for j in range(len(fit.trials))]
+        return NoiseModel(max(float(np.median(white)), 1e-12))
+    pieces: dict[tuple[str, str], list[FloatArray]] = {}
+    for j, t in enumerate(fit.trials):
+        residual = fit.full_residual_mn(j)
+        for name in ("hold", "dwell", "sweep"):
+            cells = np.flatnonzero(t.in_phase(name))
+            if not len(cells):
+                continue
+            a, b = int(t.starts[cells[0]] + SETTLES_S * t.sample_rate_hz), int(t.starts[cells[-1]])
+            if b - a > SHORTEST:
+                pieces.setdefault((t.condition, name), []).append(residual[a:b])
+    stretches: list[FloatArray] = []
+    for (_, name), found in pieces.items():
+        n = min(len(r) for r in found)
+        if name == "hold" and len(found) > 1:
+            common = np.mean([r[:n] for r in found], axis=0)
+            stretches += [(r[:n] - common) * np.sqrt(len(found) / (len(found) - 1)) for r in found]
+        else:
+            stretches += found
+    if not stretches:
+        stretches = [fit.full_residual_mn(j) for j in range(len(fit.trials))]
+    noise = measure_noise(stretches, rates[0])
+    if len(fit.trials) >= FEWEST:
+        return noise
+    # one or two trials can't tell slow noise from what a law leaves over: all of it is weighed as if it were white
+    slow = 2.0 * rates[0] * sum(variance * time_s for variance, time_s in noise.parts)
+    return NoiseModel(float(np.sqrt(noise.white_mn**2 + slow)))
+
+
+def with_wander(fit: StudyFit) -> StudyFit:
+    """Return the fit with as much slow wander in its noise as the trials themselves make most likely.
+
+    A wander slower than a hold can't be seen in a residual from which a tissue was fitted, so it is weighed by the
+    marginal likelihood, tissues and population's mean integrated out (restricted maximum likelihood).
+    """
+    if len(fit.trials) < FEWEST:
+        return fit
+    fast = tuple(part for part in fit.noise.parts if part[1] < WANDER_S)
+    best, smallest = fit, np.inf
+    for share in WANDERS:
+        variance = (share * fit.noise.white_mn) ** 2
+        noise = NoiseModel(fit.noise.white_mn, (*fast, (variance, WANDER_S)) if variance else fast)
+        tried = fit.weighed_by(noise)
+        N = gram(tried, [np.zeros((len(t.time_s), 0)) for t in fit.trials]).total()
+        A, b = N[:TISSUE_SIZE, :TISSUE_SIZE], N[:TISSUE_SIZE, -1]
+        deviance = float(N[-1, -1] - b @ np.linalg.lstsq(A, b, rcond=None)[0])
+        deviance += sum(p.log_determinant + p.log_free for p in tried.projectors)
+        deviance += sum(w.log_determinant for w in tried.whiteners)
+        if deviance < smallest - 1.0:
+            best, smallest = tried, deviance
+        elif deviance > smallest + 20.0:
+            break
+    return best
+
+
+def reweighed(fit: StudyFit) -> StudyFit:
+    """Return a fit with noise and population estimated anew."""
+    return with_wander(fit.weighed_by(noise_of(fit))).with_population(1)

@@ -1,0 +1,150 @@
+"""Laws fitted to all trials at once, every trial's tissue free: Gauss-Newton on what the trials share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.mismatch.fit.gram import gram
+from analysis.mismatch.fit.study_fit import StudyFit
+from analysis.mismatch.model.effects import TISSUE_SIZE, Law, Shared, TrialState, simulate
+from analysis.simulation.cells import CellTrial
+from analysis.simulation.mechanism import Parameter
+
+FloatArray = NDArray[np.float64]
+
+STEP = 1e-3
+ROUNDS = 10
+DONE = 0.3
+LARGEST_LOG_STEP = 0.7
+INNER_LOG = 1.5
+"""An inner parameter on a logarithm is known to so much before a fit, from the textbook's value."""
+INNER_SHARE = 0.3
+"""A linear inner parameter is known to this share of its range."""
+
+
+def parameter_scale(p: Parameter, value: float, typical: float) -> float:
+    """Return the size of a finite difference in units of which a parameter's law is smooth."""
+    if p.scale == "log":
+        return 1.0
+    return max(abs(p.to_fit(value)), 0.1 * abs(p.to_fit(typical)), 1e-12)
+
+
+def law_columns(trial: CellTrial, state: TrialState, shared: Shared) -> FloatArray:
+    """Return the change of force (n, P) by every free parameter of the laws on the scale of its fit, mN."""
+    base = simulate(trial, state, shared)
+    columns = []
+    for at, law in enumerate(shared.laws):
+        for p in law.parameters:
+            if not law.mechanism.applies(trial):
+                columns.append(np.zeros_like(base))
+                continue
+            typical = law.mechanism.typical.get(p.name, law.values[p.name])
+            h = STEP * parameter_scale(p, law.values[p.name], typical)
+            changed = with_value(shared, at, p, p.to_fit(law.values[p.name]) + h)
+            real = p.to_fit(changed.laws[at].values[p.name]) - p.to_fit(law.values[p.name])
+            if abs(real) < 0.5 * h:
+                changed = with_value(shared, at, p, p.to_fit(law.values[p.name]) - h)
+                real = p.to_fit(changed.laws[at].values[p.name]) - p.to_fit(law.values[p.name])
+            columns.append((simulate(trial, state, changed) - base) / (real or h))
+    return np.column_stack(columns) if columns else np.zeros((len(base), 0))
+
+
+def with_value(shared: Shared, at: int, p: Parameter, fitted: float) -> Shared:
+    """Return what is shared with one parameter of one law changed, kept within its bounds."""
+    laws = list(shared.laws)
+    laws[at] = replace(laws[at], values={**laws[at].values, p.name: p.from_fit(fitted)})
+    return replace(shared, laws=tuple(laws))
+
+
+def vector(laws: Sequence[Law]) -> FloatArray:
+    """Return the free parameters of laws (P,) on the scale of their fit."""
+    return np.array([p.to_fit(law.values[p.name]) for law in laws for p in law.parameters])
+
+
+def at_vector(shared: Shared, values: FloatArray) -> Shared:
+    """Return what is shared with its laws' free parameters at ``values`` (P,), kept within bounds."""
+    k = 0
+    for at, law in enumerate(shared.laws):
+        for p in law.parameters:
+            shared = with_value(shared, at, p, float(values[k]))
+            k += 1
+    return shared
+
+
+def law_prior(laws: Sequence[Law]) -> tuple[FloatArray, FloatArray]:
+    """Return what is known of free parameters beforehand: precision (P,) and centre (P,) on the scale of the fit."""
+    precision, centre = [], []
+    for law in laws:
+        for p in law.parameters:
+            middle = p.to_fit(law.mechanism.null[p.name])
+            spread = np.inf
+            if p.inner:
+                spread = INNER_LOG if p.scale == "log" else INNER_SHARE * (p.upper - p.lower)
+            elif p.scale == "log" and p.name != law.mechanism.amplitude:
+                middle, spread = p.to_fit(law.values[p.name]), 3.0
+            precision.append(1.0 / spread**2)
+            centre.append(middle)
+    return np.array(precision), np.array(centre)
+
+
+def fit_laws(fit: StudyFit, rounds: int = ROUNDS) -> StudyFit:
+    """Return the fit with its laws' free parameters, the population's mean and all own parameters at their best."""
+    precision, centre = law_prior(fit.shared.laws)
+    P = len(precision)
+    if P == 0:
+        return fit.with_states()
+
+    def cost(f: StudyFit) -> float:
+        return f.cost + float(precision @ (vector(f.shared.laws) - centre) ** 2)
+
+    fit = fit.with_states(rounds=8)
+    now = cost(fit)
+    damping = 1e-6
+    for _ in range(rounds):
+        grams = gram(
+            fit, [law_columns(t, s, fit.shared) for t, s in zip(fit.trials, fit.states, strict=True)]
+        )
+        N = grams.total()
+        size = TISSUE_SIZE + P
+        A, b = N[:size, :size].copy(), N[:size, -1].copy()
+        values = vector(fit.shared.laws)
+        A[TISSUE_SIZE:, TISSUE_SIZE:] += np.diag(precision)
+        b[TISSUE_SIZE:] += precision * (centre - values)
+        scale = np.sqrt(np.maximum(np.diag(A), 1e-30))
+        gained = 0.0
+        for _ in range(6):
+            C = A / np.outer(scale, scale) + (damping + 1e-12) * np.eye(size)
+            step = np.linalg.solve(C, b / scale) / scale
+            step[:TISSUE_SIZE] = np.clip(step[:TISSUE_SIZE], -0.5, 0.5)
+            step[TISSUE_SIZE:] = _limited(fit.shared.laws, step[TISSUE_SIZE:])
+            tried = _stepped(fit, step)
+            new = cost(tried)
+            if new < now:
+                gained = now - new
+                fit, now, damping = tried, new, max(damping / 10.0, 1e-9)
+                break
+            damping = max(damping, 1e-4) * 10.0
+        if gained < DONE:
+            break
+    return fit
+
+
+def _limited(laws: Sequence[Law], step: FloatArray) -> FloatArray:
+    scales = [p.scale for law in laws for p in law.parameters]
+    largest = np.where([s == "log" for s in scales], LARGEST_LOG_STEP, np.inf)
+    return np.clip(step, -largest, largest)
+
+
+def _stepped(fit: StudyFit, step: FloatArray) -> StudyFit:
+    """Return the fit with its shared parameters moved by a step, own parameters following."""
+    mean = fit.population.mean + step[:TISSUE_SIZE]
+    shared = at_vector(fit.shared, vector(fit.shared.laws) + step[TISSUE_SIZE:])
+    states = tuple(
+        replace(s, log_tissue=s.log_tissue + step[:TISSUE_SIZE]) if s.has_tissue else s for s in fit.states
+    )
+    population = replace(fit.population, mean=mean)
+    return replace(fit, shared=shared, states=states, population=population).with_states(rounds=5, near=fit)

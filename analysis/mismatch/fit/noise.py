@@ -1,0 +1,78 @@
+"""The noise of a force channel, from stretches of residual at rest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+from scipy.signal import welch
+
+FloatArray = NDArray[np.float64]
+
+CORRELATION_TIMES_S = (4e-4, 1.6e-3, 6.4e-3, 0.0256, 0.1024, 0.41)
+TIMES_A_SEGMENT = 2.0
+SEGMENT_S = 3.2
+
+
+@dataclass(frozen=True, slots=True)
+class NoiseModel:
+    """White noise of ``white_mn`` rms a sample, plus Ornstein-Uhlenbeck parts (variance mN^2, time s)."""
+
+    white_mn: float
+    parts: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def rms_mn(self) -> float:
+        """Rms of a single sample, mN."""
+        return float(np.sqrt(self.white_mn**2 + sum(v for v, _ in self.parts)))
+
+    def power(self, frequency_hz: FloatArray, sample_rate_hz: float) -> FloatArray:
+        """Return the one-sided power spectrum (F,) in mN^2/Hz."""
+        white = np.full_like(frequency_hz, 2.0 * self.white_mn**2 / sample_rate_hz)
+        return white + sum(4.0 * v * t / (1.0 + (2 * np.pi * frequency_hz * t) ** 2) for v, t in self.parts)
+
+
+def measure_noise(
+    residuals: Sequence[FloatArray], sample_rate_hz: float, segment_s: float = SEGMENT_S
+) -> NoiseModel:
+    """Return the noise model that fits the power spectrum of quiet stretches of residual (each (n_i,), mN).
+
+    The spectrum's median over logarithmic bands is fitted, so that single lines (hum, pulse) do not count as noise,
+    and each stretch's median over segments, so that one step in it does not.
+    """
+    length = min(round(segment_s * sample_rate_hz), max(16, min(len(r) for r in residuals)))
+    spectra = [
+        # the stubs know the kind of detrending as "literal"
+        welch(r, sample_rate_hz, nperseg=length, detrend="linear", average="median")[1]  # type: ignore[call-overload]
+        for r in residuals
+        if len(r) >= length
+    ]
+    frequency = np.fft.rfftfreq(length, 1.0 / sample_rate_hz)
+    power = np.mean(spectra, axis=0)
+    edges = np.unique(np.round(np.geomspace(1.0, len(frequency) - 1, 48)).astype(int))
+    bands = [slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True) if b > a]
+    p = np.array([np.median(power[b]) for b in bands])
+    f = np.array([np.mean(frequency[b]) for b in bands])
+    p = np.maximum(p, 1e-12 * p.max())
+    taus = [t for t in CORRELATION_TIMES_S if 2.0 / sample_rate_hz < t <= segment_s / TIMES_A_SEGMENT]
+    shapes = [NoiseModel(1.0).power(f, sample_rate_hz)]
+    shapes += [NoiseModel(0.0, ((1.0, t),)).power(f, sample_rate_hz) for t in taus]
+    basis = np.column_stack(shapes)
+    weight = 1.0 / p
+    share = np.zeros(basis.shape[1])
+    for _ in range(6):
+        weighed = basis * weight[:, None]
+        # parts of very different size stall the search for their shares
+        size = np.linalg.norm(weighed, axis=0)
+        share = nnls(weighed / size, p * weight)[0] / size
+        weight = 1.0 / np.maximum(basis @ share, 0.7 * p)
+    white = max(float(share[0]), 1e-3 * float(np.median(p)) * sample_rate_hz / 2.0)
+    parts = tuple(
+        (float(v), t)
+        for v, t in zip(share[1:], taus, strict=True)
+        if 4.0 * v * t > 0.3 * 2.0 * white / sample_rate_hz
+    )
+    return NoiseModel(float(np.sqrt(white)), parts)

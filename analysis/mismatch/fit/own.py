@@ -1,0 +1,168 @@
+"""What a trial's own parameters can take up: its columns, and a projector that marginalises them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.mismatch.fit.whitener import Whitener
+from analysis.mismatch.model.effects import TISSUE_SIZE, Shared, TrialState, simulate
+from analysis.mismatch.model.population import Population
+from analysis.simulation.cells import CellTrial
+
+FloatArray = NDArray[np.float64]
+
+STEP_LOG = 1e-4
+STEP_OF_DEPTH = 1e-5
+
+
+@dataclass(frozen=True)
+class OwnColumns:
+    """Whitened derivatives (n, q) of a trial's force by what is its own, and its whitened residual (n,).
+
+    ``prior`` (q, q) is the precision of each before the trial was seen (zero: contact point and offset), ``pull`` (q,)
+    that precision times the distance to the prior's mean. ``tissue`` are the columns of the five log constants.
+    """
+
+    columns: FloatArray
+    residual: FloatArray
+    prior: FloatArray
+    pull: FloatArray
+    tissue: slice
+
+    @cached_property
+    def information(self) -> FloatArray:
+        """Information (q, q) of data and priors together."""
+        return self.columns.T @ self.columns + self.prior
+
+    def pull_at(self, state: TrialState, population: Population) -> FloatArray:
+        """Return what the priors pull with (q,) at another state."""
+        pull = np.zeros(self.n_own)
+        if state.has_tissue:
+            pull[self.tissue] = population.precision @ (population.mean - state.log_tissue)
+        if len(state.shapes):
+            pull[self.tissue.stop :] = -state.coefficients / np.array([s.prior for s in state.shapes])
+        return pull
+
+    @property
+    def tissue_and_free(self) -> range:
+        """Columns of tissue, contact and offset."""
+        return range(self.tissue.stop)
+
+    @property
+    def n_own(self) -> int:
+        """Return q."""
+        return int(self.columns.shape[1])
+
+
+def own_columns(
+    trial: CellTrial, whitener: Whitener, state: TrialState, shared: Shared, population: Population
+) -> OwnColumns:
+    """Return a trial's own columns at a state, in the order offset, contact, tissue, shapes."""
+    base = simulate(trial, state, shared)
+    columns = [trial.force_mn - base]
+    if trial.frees_offset:
+        columns.append(np.ones_like(base))
+    if trial.touches:
+        step = STEP_OF_DEPTH * max(abs(trial.depth_mm), 1e-6)
+        columns.append((simulate(trial, replace(state, z0_mm=state.z0_mm + step), shared) - base) / step)
+    first = len(columns) - 1
+    if state.has_tissue:
+        for k in range(TISSUE_SIZE):
+            log_tissue = state.log_tissue.copy()
+            log_tissue[k] += STEP_LOG
+            columns.append((simulate(trial, replace(state, log_tissue=log_tissue), shared) - base) / STEP_LOG)
+    last = len(columns) - 1
+    for k, shape in enumerate(state.shapes):
+        if shape.acts == "force":
+            columns.append(shape.shape)
+            continue
+        coefficients = state.coefficients.copy()
+        step = 1e-3 * float(np.sqrt(shape.prior))
+        coefficients[k] += step
+        columns.append((simulate(trial, replace(state, coefficients=coefficients), shared) - base) / step)
+    white = whitener(np.column_stack(columns))
+    prior = np.zeros((len(columns) - 1, len(columns) - 1))
+    pull = np.zeros(len(prior))
+    if state.has_tissue:
+        prior[first:last, first:last] = population.precision
+        pull[first:last] = population.precision @ (population.mean - state.log_tissue)
+    for k, shape in enumerate(state.shapes):
+        prior[last + k, last + k] = 1.0 / shape.prior
+        pull[last + k] = -state.coefficients[k] / shape.prior
+    return OwnColumns(white[:, 1:], white[:, 0], prior, pull, slice(first, last))
+
+
+def moved(state: TrialState, trial: CellTrial, step: FloatArray) -> TrialState:
+    """Return the state with its own parameters moved by a step (q,) in the order of `own_columns`."""
+    at = 0
+    offset, z0, tissue = state.offset_mn, state.z0_mm, state.log_tissue
+    if trial.frees_offset:
+        offset, at = offset + float(step[at]), at + 1
+    if trial.touches:
+        z0, at = z0 + float(step[at]), at + 1
+    if state.has_tissue:
+        tissue, at = tissue + step[at : at + TISSUE_SIZE], at + TISSUE_SIZE
+    return replace(
+        state, log_tissue=tissue, z0_mm=z0, offset_mn=offset, coefficients=state.coefficients + step[at:]
+    )
+
+
+class Projector:
+    """Takes out of whitened columns what a trial's own parameters may explain, each as far as its prior lets it.
+
+    With V = 1 + O P^-1 O', O the own columns and P their prior precision, columns x become V^(-1/2) x, so that products
+    of projected columns are those of generalised least squares with the own parameters integrated out.
+    """
+
+    def __init__(self, own: OwnColumns, whitener: Whitener) -> None:
+        self._whitener = whitener
+        scale = np.linalg.norm(own.columns, axis=0)
+        scale[scale == 0.0] = 1.0
+        Q, R = np.linalg.qr(own.columns / scale)
+        R = R * scale
+        H = R.T @ R + own.prior
+        root = 1.0 / np.sqrt(np.maximum(np.diag(H), 1e-300))
+        H = H * np.outer(root, root)
+        kept = np.eye(len(R)) - (R * root) @ np.linalg.solve(H, (R * root).T)
+        values, vectors = np.linalg.eigh(0.5 * (kept + kept.T))
+        values = np.clip(values, 0.0, 1.0)
+        self._basis = Q @ vectors
+        self._taken = 1.0 - np.sqrt(values)
+        free = values < 1e-9
+        self.log_determinant = float(-np.log(values[~free]).sum())
+        """ln |V| over what has a prior; what is entirely free counts nothing."""
+        nothing_known = np.flatnonzero(np.diag(own.prior) == 0.0)
+        F = own.columns[:, nothing_known]
+        self.log_free = float(np.linalg.slogdet(F.T @ F)[1]) if len(nothing_known) else 0.0
+        """ln of the determinant of what is entirely free, which a change of the noise changes."""
+        # the residual as it was at the population's mean: what the fit took up is given back
+        at_mean = own.columns @ _least_norm(own)
+        self.residual = self._project(own.residual + at_mean)
+        tissue = own.columns[:, own.tissue]
+        if tissue.shape[1] == 0:
+            tissue = np.zeros((len(own.residual), TISSUE_SIZE))
+        self.mean_columns = self._project(tissue)
+
+    def _project(self, white: FloatArray) -> FloatArray:
+        inside = self._basis.T @ white
+        taken = self._taken if white.ndim == 1 else self._taken[:, None]
+        return np.asarray(white - self._basis @ (taken * inside))
+
+    def __call__(self, columns_mn: FloatArray) -> FloatArray:
+        """Return columns (n, m) of force, whitened and projected."""
+        if columns_mn.ndim == 2 and columns_mn.shape[1] == 0:
+            return np.zeros((len(self.residual), 0))
+        return self._project(self._whitener(columns_mn))
+
+
+def _least_norm(own: OwnColumns) -> FloatArray:
+    """Return how far (q,) the state lies from its prior's mean; 0 in what is free."""
+    found = np.zeros(own.n_own)
+    known = np.flatnonzero(np.diag(own.prior) > 0)
+    if len(known):
+        found[known] = -np.linalg.solve(own.prior[np.ix_(known, known)], own.pull[known])
+    return found

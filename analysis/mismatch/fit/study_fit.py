@@ -1,0 +1,111 @@
+"""All trials fitted: each its own tissue, the population they are drawn from, the laws they share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.mismatch.fit.noise import NoiseModel
+from analysis.mismatch.fit.own import OwnColumns, Projector, own_columns
+from analysis.mismatch.fit.trial_fit import ROUNDS, fit_trial, penalty
+from analysis.mismatch.fit.whitener import Whitener
+from analysis.mismatch.model.effects import Shared, TrialState, simulate
+from analysis.mismatch.model.population import Population, estimate
+from analysis.simulation.cells import CellTrial
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class StudyFit:
+    """A simulation fitted to trials: what they share, what is each one's own, population and noise."""
+
+    trials: tuple[CellTrial, ...]
+    whiteners: tuple[Whitener, ...]
+    noise: NoiseModel
+    shared: Shared
+    states: tuple[TrialState, ...]
+    population: Population
+
+    @cached_property
+    def own(self) -> tuple[OwnColumns, ...]:
+        """Each trial's own columns."""
+        return tuple(
+            own_columns(t, w, s, self.shared, self.population)
+            for t, w, s in zip(self.trials, self.whiteners, self.states, strict=True)
+        )
+
+    @cached_property
+    def projectors(self) -> tuple[Projector, ...]:
+        """What takes each trial's own parameters out of columns."""
+        return tuple(Projector(own, w) for own, w in zip(self.own, self.whiteners, strict=True))
+
+    @cached_property
+    def cost(self) -> float:
+        """Chi2 of all trials plus that of their own parameters against the population."""
+        whole = sum(penalty(s, self.population) for s in self.states)
+        for j, whitener in enumerate(self.whiteners):
+            r = whitener(self.residual_mn(j))
+            whole += float(r @ r)
+        return whole
+
+    def force_mn(self, j: int) -> FloatArray:
+        """Return the simulated force (n,) of the j-th trial."""
+        return simulate(self.trials[j], self.states[j], self.shared)
+
+    def residual_mn(self, j: int) -> FloatArray:
+        """Return what is left (n,) of the j-th trial's force, by cell."""
+        return self.trials[j].force_mn - self.force_mn(j)
+
+    def full_residual_mn(self, j: int) -> FloatArray:
+        """Return what is left of every sample (N,)."""
+        t = self.trials[j]
+        time_s = np.arange(len(t.full_force_mn)) / t.sample_rate_hz
+        return np.asarray(t.full_force_mn - np.interp(time_s, t.time_s, self.force_mn(j)))
+
+    def with_states(self, rounds: int = ROUNDS, near: StudyFit | None = None) -> StudyFit:
+        """Return the fit with every trial's own parameters at their best; ``near`` is a fit close to this one."""
+        owns: Sequence[OwnColumns | None] = [None] * len(self.trials) if near is None else near.own
+        states = tuple(
+            fit_trial(t, w, s, self.shared, self.population, rounds, own)
+            for t, w, s, own in zip(self.trials, self.whiteners, self.states, owns, strict=True)
+        )
+        return replace(self, states=states)
+
+    def with_population(self, passes: int = 2) -> StudyFit:
+        """Return the fit with population and own parameters estimated in turn."""
+        fit = near = self
+        likelihoods: list[tuple[FloatArray, FloatArray]] = []
+        for _ in range(passes):
+            fit = fit.with_states()
+            likelihoods = [
+                tissue_likelihood(own, s) for own, s in zip(fit.own, fit.states, strict=True) if s.has_tissue
+            ]
+            if likelihoods:
+                near, fit = fit, replace(fit, population=estimate(likelihoods, fit.population))
+        return fit.with_states(near=near) if likelihoods else fit
+
+    def weighed_by(self, noise: NoiseModel) -> StudyFit:
+        """Return the fit with cells weighed by another noise."""
+        return replace(self, noise=noise, whiteners=tuple(Whitener(t, noise) for t in self.trials))
+
+
+def tissue_likelihood(own: OwnColumns, state: TrialState) -> tuple[FloatArray, FloatArray]:
+    """Return what a trial alone says of its log constants: information (5, 5), and that times the estimate (5,)."""
+    others = np.array([k for k in range(own.n_own) if not own.tissue.start <= k < own.tissue.stop], dtype=int)
+    J, X = own.columns[:, own.tissue], own.columns[:, others]
+    H_o = X.T @ X + own.prior[np.ix_(others, others)]
+    taken = np.linalg.solve(H_o, X.T @ J)
+    H = J.T @ J - J.T @ X @ taken
+    # at the fitted state the others' gradient is zero with their pull
+    g = J.T @ own.residual - taken.T @ (X.T @ own.residual + own.pull[others])
+    return H, H @ state.log_tissue + g
+
+
+def all_equal(rates: Sequence[float]) -> bool:
+    """Whether all trials were sampled at one rate."""
+    return float(np.ptp(rates)) <= 1e-6 * float(np.max(rates))

@@ -1,0 +1,67 @@
+"""Every number that decides what is said, with its reason. Evidence is in nats: natural logarithms of odds."""
+
+from __future__ import annotations
+
+LEVEL = 0.05
+"""Family-wise rate of false alarms, of windows and of everything that carries an adjusted p-value."""
+
+ENOUGH_SHARED = 8.0
+"""Held-out evidence for a law: odds of 3000 to 1, which some thirty laws at two settings each share."""
+
+ENOUGH_OWN = 25.0
+"""Evidence for what is fitted in every trial anew: a nat for each of some twenty trials beside the odds of a law,
+since no noise model is right to better."""
+
+ENOUGH_UNKNOWN = 25.0
+"""Evidence for a shape that no law has: as for what is fitted in every trial anew."""
+
+CLOSE = 0.4
+"""Share of the largest linear evidence from which an effect is refitted: linearised it is wrong by a factor of two."""
+
+REFITTED = 2
+"""Effects refitted at each step and weighing of the noise; the linear order is rarely wrong by more than a place."""
+
+STARTS = 2
+"""Settings of a law's shape from which it is refitted, since relaxation times have more than one optimum."""
+
+MOST_EFFECTS = 4
+"""Effects in one account: twenty trials say no more."""
+
+INEXACT = 0.1
+"""A law of the textbook is right to about a tenth of its size, in every trial and phase anew."""
+
+KEPT = 0.5
+"""Share of all that is explainable which a named set must explain, or its names are those of something else."""
+
+SMALL_SHARE = 0.1
+"""A remainder of less than so much of the mismatch is a law's own inexactness (the report's contract)."""
+
+TOLERANCE_SHARE = 0.01
+"""Where whole recordings lie near the tolerance, a hundredth of their largest force is tolerated instead."""
+
+TEMPER = 0.02
+"""c of T = 1 + c * evidence: evidence grows without end while every law is a little wrong."""
+
+WORTH_NAMING = 0.05
+"""Probability from which an alternative is listed: 90 % sets hold what has more than half of a tenth."""
+
+TWO_ERRORS = 2.0
+"""An account whose evidence is no further behind than this many paired errors is an alternative."""
+
+HIDDEN_STRENGTH = 6.0
+"""Noise standard deviations that a law of typical size must raise before it is said that it hides in the tissue."""
+
+ABSORBED_SHARE = 0.06
+"""Share of a law's signature below which a tissue imitates it."""
+
+SERVO_EXPLAINS = 0.4
+"""Share of the repeatable position mismatch that another servo must explain to be named."""
+
+SERVO_KNOWN = 0.3
+"""Standard error of ln(natural frequency) above which a drive is no such servo."""
+
+LINE_LEVEL = 1e-6
+"""Chance of a spectral line by noise, over all frequencies looked at; lines cost nothing to be sure of."""
+
+FEW_TRIALS = 8
+"""Trials below which the report says that they are few."""

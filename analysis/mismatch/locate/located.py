@@ -1,0 +1,121 @@
+"""Where simulation and recordings differ: windows of the phases, what they hold, and how surely."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.mismatch.evidence.signflip import flip_test
+from analysis.mismatch.fit.study_fit import StudyFit
+from analysis.mismatch.levels import FEW_TRIALS, LEVEL
+from analysis.mismatch.locate.windows import PLACES, own_evidence, window_columns
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Located:
+    """One stretch of a phase: times from a trial's first sample (median of trials), mean and rms of what differs.
+
+    ``share`` of all energy beyond noise; ``common``: whether trials have it in common; ``with_depth``: whether it grows
+    with depth; ``chi2`` of its cells.
+    """
+
+    phase: str
+    start_s: float
+    stop_s: float
+    mean_mn: float
+    rms_mn: float
+    p_value: float
+    share: float
+    common: bool
+    with_depth: bool
+
+    @property
+    def words(self) -> str:
+        """Say in which trials it shows."""
+        if not self.common:
+            return "every trial, differently in each"
+        return "every trial, more with depth" if self.with_depth else "every depth"
+
+
+def locate(fit: StudyFit, rng: np.random.Generator, *, all_of_them: bool = False) -> tuple[Located, ...]:
+    """Return the stretches in which trials differ significantly from the simulation, largest share first.
+
+    H0 of what trials have in common: each trial's score is as likely turned round (sign-flips of whole trials, maximum
+    over all windows and their growth with depth); of what differs from trial to trial: the noise measured at rest, by
+    the odds for a window's variance (an e-value; P(odds >= x) <= 1/x). With fewer than eight trials only the latter.
+    ``all_of_them`` returns the largest stretch where none is significant by itself.
+    """
+    columns = [window_columns(t) for t in fit.trials]
+    white = [p(c) for p, c in zip(fit.projectors, columns, strict=True)]
+    scores = np.array([p.residual @ w for p, w in zip(fit.projectors, white, strict=True)])
+    depth = np.array([t.depth_mm / t.study_depth_mm for t in fit.trials])[:, None]
+    n = len(fit.trials)
+    common_p = np.ones((2, len(PLACES)))
+    if n >= FEW_TRIALS:
+        both = np.hstack([scores, scores * (depth - depth.mean())])
+        common_p = flip_test(both, np.zeros(both.shape[1], dtype=bool), rng).p_value.reshape(2, -1)
+    _, odds = own_evidence(fit)
+    own_p = np.minimum(1.0, len(PLACES) * np.exp(-np.clip(odds, 0.0, 700.0)))
+    p = np.minimum(common_p.min(axis=0), own_p)
+    energy, mean, weight = _energies(fit, columns)
+    total = max(float(energy[p <= LEVEL].sum()), 1e-30)
+    significant = p <= LEVEL
+    if all_of_them and not significant.any() and energy.max() > 0:
+        significant = energy >= energy.max()
+        total = float(energy.sum())
+    found = []
+    for group in _merged(significant, weight > 0):
+        samples = float(weight[group].sum())
+        start, stop = _times(fit, group)
+        found.append(
+            Located(
+                PLACES[group[0]].phase,
+                start,
+                stop,
+                float((mean * weight)[group].sum() / samples),
+                float(np.sqrt(energy[group].sum() / samples)),
+                float(p[group].min()),
+                min(1.0, float(energy[group].sum()) / total),
+                bool(common_p[:, group].min() <= LEVEL),
+                bool(common_p[1, group].min() <= LEVEL),
+            )
+        )
+    return tuple(sorted(found, key=lambda w: -w.share))
+
+
+def _energies(fit: StudyFit, columns: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return energy beyond noise (mN^2 samples), mean residual (mN) and samples of every window, each (W,)."""
+    energy, total, weight = np.zeros(len(PLACES)), np.zeros(len(PLACES)), np.zeros(len(PLACES))
+    for j, (trial, inside) in enumerate(zip(fit.trials, columns, strict=True)):
+        r = fit.residual_mn(j)
+        white = fit.whiteners[j](r)
+        excess = np.zeros_like(r)
+        # of a cell's squared residual the noise's share is that of its whitened square
+        excess[trial.fitted] = r[trial.fitted] ** 2 * np.maximum(1.0 - 1.0 / np.maximum(white**2, 1.0), 0.0)
+        counts = trial.counts * trial.fitted
+        energy += inside.T @ (counts * excess)
+        total += inside.T @ (counts * r)
+        weight += inside.T @ counts
+    return energy, total / np.maximum(weight, 1.0), weight
+
+
+def _merged(significant: NDArray[np.bool_], present: NDArray[np.bool_]) -> list[list[int]]:
+    """Join significant windows of one phase that are neighbours."""
+    groups: list[list[int]] = []
+    for b in np.flatnonzero(significant & present):
+        if groups and groups[-1][-1] == b - 1 and PLACES[groups[-1][-1]].phase == PLACES[b].phase:
+            groups[-1].append(int(b))
+        else:
+            groups.append([int(b)])
+    return groups
+
+
+def _times(fit: StudyFit, group: Sequence[int]) -> tuple[float, float]:
+    starts = [s[0] for t in fit.trials if (s := PLACES[group[0]].span(t)) is not None]
+    stops = [s[1] for t in fit.trials if (s := PLACES[group[-1]].span(t)) is not None]
+    return max(float(np.median(starts)), 0.0), float(np.median(stops))

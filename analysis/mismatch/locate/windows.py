@@ -1,0 +1,113 @@
+"""Where simulation and recordings may differ, whatever the reason: windows over the phases, as columns."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+
+from analysis.mismatch.evidence.heldout import heldout_deviance
+from analysis.mismatch.fit.gram import gram
+from analysis.mismatch.fit.study_fit import StudyFit
+from analysis.mismatch.model.effects import TISSUE_SIZE
+from analysis.recordings.trial import PHASE_NAMES
+from analysis.simulation.cells import CellTrial
+
+FloatArray = NDArray[np.float64]
+
+SPLITS: dict[str, tuple[float, ...]] = {
+    "approach": (0.0, 0.5, 1.0),
+    "dwell": (0.0, 0.02, 0.2, 1.0),
+    "ramp": (0.0, 0.06, 0.25, 0.5, 0.75, 0.94, 1.0),
+    "hold": (0.0, 0.004, 0.02, 0.06, 0.15, 0.35, 0.65, 1.0),
+    "retract": (0.0, 0.06, 0.25, 0.5, 0.75, 1.0),
+    "clear": (0.0, 0.1, 1.0),
+    "sweep": tuple(np.linspace(0.0, 1.0, 17).tolist()),
+}
+"""Edges of windows in shares of a phase: narrow where a phase begins, where quick things show."""
+SIZES = (3.0, 30.0, 300.0, 3000.0)
+UNKNOWN_SIZE = 1.5
+
+
+@dataclass(frozen=True)
+class Place:
+    """One window: phase and the shares of it that it spans."""
+
+    phase: str
+    begin: float
+    end: float
+
+    def span(self, trial: CellTrial) -> tuple[float, float] | None:
+        """Return when the window begins and ends in a trial (s from its first sample); None where it has none."""
+        cells = np.flatnonzero(trial.in_phase(self.phase)) if self.phase in PHASE_NAMES else np.zeros(0)
+        if not len(cells):
+            return None
+        half = 0.5 * trial.counts / trial.sample_rate_hz
+        a, b = float((trial.time_s - half)[cells[0]]), float((trial.time_s + half)[cells[-1]])
+        return a + self.begin * (b - a), a + self.end * (b - a)
+
+
+PLACES = tuple(
+    Place(p, a, b) for p, edges in SPLITS.items() for a, b in zip(edges[:-1], edges[1:], strict=True)
+)
+
+
+def window_columns(trial: CellTrial) -> FloatArray:
+    """Return what share (n, W) of every cell lies in each window."""
+    columns = np.zeros((len(trial.time_s), len(PLACES)))
+    for name in SPLITS:
+        if name not in PHASE_NAMES:
+            continue
+        cells = np.flatnonzero(trial.in_phase(name))
+        if not len(cells):
+            continue
+        half = 0.5 * trial.counts[cells] / trial.sample_rate_hz
+        start, stop = float(trial.time_s[cells[0]] - half[0]), float(trial.time_s[cells[-1]] + half[-1])
+        u = (trial.time_s[cells] - start) / max(stop - start, 1e-12)
+        for k, place in enumerate(PLACES):
+            if place.phase == name:
+                columns[cells, k] = (u >= place.begin) & (u < place.end)
+    return columns
+
+
+def common_evidence(fit: StudyFit, present: Sequence[FloatArray], ridge: FloatArray) -> float:
+    """Return the gain in nats, held out, of a shape that all trials have in common, whatever it is.
+
+    Every window has a height that is the same in all trials, and one that grows with depth. ``present`` (n_j, P) are
+    columns that are there anyway, ``ridge`` (P,) their precision.
+    """
+    columns = []
+    for trial, own in zip(fit.trials, present, strict=True):
+        windows = window_columns(trial)
+        columns.append(np.column_stack([own, windows, windows * (trial.depth_mm / trial.study_depth_mm)]))
+    P, W = present[0].shape[1], 2 * len(PLACES)
+    norm = gram(fit, columns, np.concatenate([ridge, np.ones(W)]))
+    of_windows = np.diag(norm.total())[TISSUE_SIZE + P : TISSUE_SIZE + P + W]
+    typical = float(np.median(of_windows[of_windows > 0]))
+    before = heldout_deviance(norm, range(P))
+    best = -np.inf
+    for size in SIZES:
+        heights = np.full(W, typical / size)
+        grams = replace(norm, ridge=np.concatenate([np.zeros(TISSUE_SIZE), ridge, heights, [0.0]]))
+        gain = 0.5 * float((before - heldout_deviance(grams, range(P + W))).sum())
+        best = max(best, gain)
+    return best
+
+
+def own_evidence(fit: StudyFit) -> tuple[float, FloatArray]:
+    """Return the gain in nats of windows whose heights differ from trial to trial, the best one's and each one's."""
+    norms, scores = [], []
+    for trial, projector in zip(fit.trials, fit.projectors, strict=True):
+        white = projector(window_columns(trial))
+        norms.append(np.einsum("nk,nk->k", white, white))
+        scores.append(projector.residual @ white)
+    a, c = np.array(norms), np.array(scores)
+    best = np.full(a.shape[1], -np.inf)
+    for size in np.geomspace(1.0, 3e4, 10):
+        v = size**2 / max(float(np.median(a[a > 0])), 1e-300)
+        ratio = (-0.5 * np.log1p(v * a) + 0.5 * v * c**2 / (1.0 + v * a)).sum(axis=0)
+        best = np.maximum(best, ratio)
+    return float(logsumexp(best) - np.log(len(best)) - UNKNOWN_SIZE), best

@@ -1,0 +1,121 @@
+"""What may be added to the baseline simulation: laws shared by all trials, and shapes of a trial's own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.simulation.cells import CellTrial
+from analysis.simulation.forward import RIGID_STIFFNESS_MN_PER_MM, PerTrial, simulate_force
+from analysis.simulation.mechanism import Mechanism, Parameter, Tissue, Values
+
+FloatArray = NDArray[np.float64]
+Acts = Literal["surface", "share", "force"]
+
+TISSUE_SIZE = 5
+TISSUE_NAMES = ("k0_mn_per_mm", "k1_mn_per_mm", "tau1_s", "k2_mn_per_mm", "tau2_s")
+
+
+@dataclass(frozen=True)
+class Law:
+    """A law of the library with the values of its parameters, the same in every trial; ``free`` are fitted."""
+
+    mechanism: Mechanism
+    values: Values
+    free: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """The mechanism's name."""
+        return self.mechanism.name
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The parameters that are fitted."""
+        return tuple(p for p in self.mechanism.parameters if p.name in self.free)
+
+
+@dataclass(frozen=True)
+class OwnShape:
+    """A shape (n,) with a coefficient of its own in one trial, drawn with variance ``prior`` about zero.
+
+    It moves the ``surface`` (mm towards the arm), is a lost ``share`` of the contact force, or adds to
+    the ``force`` that is read (mN).
+    ``at`` is where: the time (s) of a step, the frequency (Hz) of an oscillation. ``kind`` marks what an effect may do
+    besides (creep, harmonics, inexactness); it is empty for the effect itself.
+    """
+
+    effect: str
+    acts: Acts
+    shape: FloatArray
+    prior: float
+    at: float = 0.0
+    kind: str = ""
+
+
+@dataclass(frozen=True)
+class TrialState:
+    """What belongs to one trial: logarithms of its five tissue constants, contact point, offset, own shapes."""
+
+    log_tissue: FloatArray
+    z0_mm: float
+    offset_mn: float
+    shapes: tuple[OwnShape, ...] = ()
+    coefficients: FloatArray = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def tissue(self) -> Tissue:
+        """The tissue's constants; what never touches skin has the published ones, which nothing asks for."""
+        return Tissue(*np.exp(self.log_tissue)) if self.has_tissue else Tissue(120.0, 44.0, 2.3, 35.0, 0.15)
+
+    @property
+    def has_tissue(self) -> bool:
+        """Whether the trial presses skin."""
+        return len(self.log_tissue) > 0
+
+    def with_shapes(self, shapes: Sequence[OwnShape], first: float = 0.0) -> TrialState:
+        """Return the state with more shapes, the first at a coefficient and the others at none."""
+        start = np.zeros(len(shapes))
+        start[:1] = first
+        return replace(
+            self,
+            shapes=(*self.shapes, *shapes),
+            coefficients=np.append(self.coefficients, start),
+        )
+
+
+@dataclass(frozen=True)
+class Shared:
+    """What all trials share: the laws that were added, the stiffness of a block, the textbook's ideal step."""
+
+    laws: tuple[Law, ...] = ()
+    rigid_stiffness: float = 2.0 * RIGID_STIFFNESS_MN_PER_MM
+    ideal_step: bool = False
+
+
+def simulate(trial: CellTrial, state: TrialState, shared: Shared) -> FloatArray:
+    """Return the force (n,) of a trial, mN."""
+    surface: FloatArray | float = 0.0
+    lost: FloatArray | float = 0.0
+    force: FloatArray | float = 0.0
+    for s, c in zip(state.shapes, state.coefficients, strict=True):
+        if s.acts == "surface":
+            surface = surface + c * s.shape
+        elif s.acts == "share":
+            lost = lost + c * s.shape
+        else:
+            force = force + c * s.shape
+    return force + simulate_force(
+        trial,
+        state.tissue,
+        PerTrial(state.z0_mm, state.offset_mn),
+        [(a.mechanism, a.values) for a in shared.laws],
+        rigid_stiffness=shared.rigid_stiffness,
+        surface_mm=surface,
+        lost_share=lost,
+        ideal_step=shared.ideal_step,
+    )

@@ -1,0 +1,1 @@
+"""Which effects predict the recordings best."""

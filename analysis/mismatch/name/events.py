@@ -1,0 +1,254 @@
+"""Steps that come once in a trial at a time of their own: the skin shifts, or the punch slips and loses force."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import log_ndtr, logsumexp
+
+from analysis.mismatch.fit.study_fit import StudyFit
+from analysis.mismatch.model.effects import Acts, OwnShape, simulate
+from analysis.simulation.cells import CellTrial
+
+FloatArray = NDArray[np.float64]
+
+MOST_TIMES = 70
+SHARES = np.array([0.1, 0.2, 0.35, 0.5, 0.7, 0.9, 0.999])
+SIZES = np.geomspace(3.0, 3e4, 17)
+"""Sizes of a step, in noise standard deviations of a typical trial."""
+UNKNOWN_SIZE_AND_SHARE = 3.0
+"""What two numbers fitted to some 20 trials are worth, in nats: half of ln 20 each."""
+REFINED = 2
+PROMISING = 12.0
+"""Chi2 of the best of some times without which no closer look is taken: noise reaches it once in fifty trials."""
+FINER = (0.8, 0.2, 0.05, 0.012)
+"""Widths, in gaps between times, of the looks that are taken about the best."""
+JITTER_S = 3e-4
+
+
+@dataclass(frozen=True)
+class Event:
+    """A kind of step: whether it has one sign only, its unit, and its forms: how it acts and how long it takes (s)."""
+
+    name: str
+    one_sided: bool
+    unit: float
+    forms: tuple[tuple[Acts, float], ...]
+    phases: tuple[str, ...]
+
+
+EVENTS = (
+    Event("slip", True, 1.0, (("share", 0.004),), ("hold",)),
+    Event("motion_artefact", False, 1e-3, (("surface", 0.004), ("surface", 0.02)), ("dwell", "hold")),
+)
+SETTLES_S = (0.03, 0.5, 3.0)
+CREEP = "creep"
+SETTLES = 0.1
+"""No step stays exactly as it was: it may creep by a tenth of its size with these times."""
+
+
+@dataclass(frozen=True)
+class EventScan:
+    """What all trials say of one kind of step: evidence in nats, share of trials, size, and each trial's own.
+
+    ``log_ratio`` (n,) is each trial's ln of the marginal likelihood with a step over that without; ``times_s`` and
+    ``coefficients`` the most probable time and size (in the unit of the state) of a step there.
+    """
+
+    event: Event
+    evidence: float
+    by_trial: FloatArray
+    share: float
+    size: float
+    probability: FloatArray
+    times_s: FloatArray
+    forms: FloatArray
+    coefficients: FloatArray
+
+
+def step_shape(trial: CellTrial, time_s: float, rise_s: float) -> FloatArray:
+    """Return a step (n,) from 0 to 1 about a time, as the mean over each cell of a ramp of ``rise_s``."""
+    half = 0.5 * trial.counts / trial.sample_rate_hz
+
+    def integral(t: FloatArray) -> FloatArray:
+        u = np.clip(t / rise_s + 0.5, 0.0, 1.0)
+        return 0.5 * rise_s * u**2 + np.maximum(t - 0.5 * rise_s, 0.0)
+
+    since = trial.time_s - time_s
+    return np.asarray((integral(since + half) - integral(since - half)) / (2.0 * half))
+
+
+def candidate_times(trial: CellTrial, phases: Sequence[str]) -> FloatArray:
+    """Return times at rest in contact where a step may lie, evenly spread, no finer than the cells."""
+    found = []
+    for name in phases:
+        cells = np.flatnonzero(trial.in_phase(name))
+        if len(cells) > 4:
+            found.append(trial.time_s[cells[2:-2]])
+    if not found:
+        return np.zeros(0)
+    every = np.concatenate(found)
+    total = float(sum(f[-1] - f[0] for f in found))
+    times, last = [], -np.inf
+    for t in every:
+        if t - last >= total / MOST_TIMES:
+            times.append(float(t))
+            last = float(t)
+    return np.array(times)
+
+
+def one_unit(acts: Acts, trial: CellTrial, force_mn: FloatArray) -> float:
+    """Return what a unit of an event is in that of its shape.
+
+    A drop (mN) that is a share is one of the hold's force.
+    """
+    if acts == "share":
+        held = force_mn[trial.in_phase("hold")]
+        return 1.0 / max(float(np.median(held)), 1e-9)
+    return 1.0
+
+
+def scan_events(fit: StudyFit, events: Sequence[Event] = EVENTS) -> list[EventScan]:
+    """Weigh each kind of step in every trial at every time, sizes and shares marginalised or at their best."""
+    per_trial: dict[str, list[tuple[FloatArray, FloatArray, FloatArray]]] = {e.name: [] for e in events}
+    for j, trial in enumerate(fit.trials):
+        for event in events:
+            pressed = trial.kind == "ramp_hold_retract"
+            times = candidate_times(trial, event.phases) if pressed else np.zeros(0)
+            if not len(times):
+                per_trial[event.name].append((times, times, times))  # nothing pressed
+                continue
+            tried = [_refined(fit, j, event, times, form) for form in range(len(event.forms))]
+            per_trial[event.name].append(
+                (
+                    np.hstack([places for places, _, _ in tried]),
+                    np.hstack([a for _, a, _ in tried]),
+                    np.concatenate([c for _, _, c in tried]),
+                )
+            )
+    return [_weigh(e, per_trial[e.name]) for e in events]
+
+
+def _refined(
+    fit: StudyFit, j: int, event: Event, times: FloatArray, form: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return places (2, G: time and form), norms and weights (2, G), scores (G,), more densely about the best."""
+    a, c = _scores(fit, j, event, times, form)
+    gap = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+    weight = np.ones(len(times))
+    promising = float(np.max(c**2 / np.maximum(a, 1e-12))) > PROMISING
+    for width in FINER if promising else ():
+        best = times[np.argsort(-(c**2) / np.maximum(a, 1e-12))[: REFINED if width > 0.1 else 1]]
+        fine = np.unique(np.concatenate([b + gap * width * np.linspace(-1.0, 1.0, 6) for b in best]))
+        fine_a, fine_c = _scores(fit, j, event, fine, form)
+        # a fine time stands for a smaller part of the trial than a coarse one
+        weight = np.concatenate([weight, np.full(len(fine), 0.3 * width)])
+        times, a, c = np.concatenate([times, fine]), np.concatenate([a, fine_a]), np.concatenate([c, fine_c])
+    return np.vstack([times, np.full(len(times), form)]), np.vstack([a, weight]), c
+
+
+def _scores(
+    fit: StudyFit, j: int, event: Event, times: FloatArray, form: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return squared norm and score (G,) of a unit step at each time."""
+    trial, state = fit.trials[j], fit.states[j]
+    base = simulate(trial, state, fit.shared)
+    columns = np.empty((len(base), len(times)))
+    acts, rise_s = event.forms[form]
+    unit = one_unit(acts, trial, base - state.offset_mn)
+    for k, time_s in enumerate(times):
+        shape = OwnShape(
+            event.name,
+            acts,
+            step_shape(trial, float(time_s), rise_s) * unit,
+            1.0,
+        )
+        added = replace(
+            state, shapes=(*state.shapes, shape), coefficients=np.append(state.coefficients, event.unit)
+        )
+        columns[:, k] = simulate(trial, added, fit.shared) - base
+    projector = fit.projectors[j]
+    white = projector(columns)
+    return np.einsum("nk,nk->k", white, white), projector.residual @ white
+
+
+def _log_ratio(a: FloatArray, c: FloatArray, size: float, one_sided: bool) -> FloatArray:
+    """Return ln of the marginal likelihood ratio (G,) of a step whose size is normal (or half normal) about zero."""
+    v = size**2
+    found = -0.5 * np.log1p(v * a) + 0.5 * v * c**2 / (1.0 + v * a)
+    if one_sided:
+        found = found + np.log(2.0) + log_ndtr(c * size / np.sqrt(1.0 + v * a))
+    return np.asarray(found)
+
+
+def _weigh(event: Event, per_trial: Sequence[tuple[FloatArray, FloatArray, FloatArray]]) -> EventScan:
+    n = len(per_trial)
+    norms = [float(np.median(a[0])) for _, a, _ in per_trial if a.size]
+    nothing = EventScan(
+        event, -np.inf, np.zeros(n), 0.0, 0.0, np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
+    )
+    if not norms or max(norms) <= 0:
+        return nothing
+    typical = 1.0 / np.sqrt(float(np.median(norms)))
+    best = nothing
+    for strength in SIZES:
+        size = float(strength) * typical
+        ratios = np.zeros(n)
+        for j, (times, a, c) in enumerate(per_trial):
+            if times.size:
+                w = a[1]
+                ratios[j] = logsumexp(_log_ratio(a[0], c, size, event.one_sided), b=w / w.sum())
+        for share in SHARES:
+            by_trial = np.logaddexp(np.log1p(-share), np.log(share) + ratios)
+            if float(by_trial.sum()) > best.evidence:
+                probability = np.exp(np.log(share) + ratios - by_trial)
+                best = replace(
+                    nothing,
+                    evidence=float(by_trial.sum()),
+                    by_trial=by_trial,
+                    share=float(share),
+                    size=size,
+                    probability=probability,
+                )
+    times_s, forms, coefficients = np.zeros(n), np.zeros(n), np.zeros(n)
+    for j, (times, a, c) in enumerate(per_trial):
+        if times.size:
+            k = int(np.argmax(_log_ratio(a[0], c, best.size, event.one_sided)))
+            times_s[j], forms[j] = times[:, k]
+            coefficients[j] = event.unit * c[k] / (a[0][k] + 1.0 / best.size**2)
+    return replace(
+        best,
+        evidence=best.evidence - UNKNOWN_SIZE_AND_SHARE,
+        size=best.size * event.unit,
+        times_s=times_s,
+        forms=forms,
+        coefficients=coefficients,
+    )
+
+
+def with_events(fit: StudyFit, scan: EventScan) -> StudyFit:
+    """Return the fit with a step in every trial that more likely has one than not, free to creep a little."""
+    name = scan.event.name
+    states = []
+    for j, (trial, state) in enumerate(zip(fit.trials, fit.states, strict=True)):
+        if scan.probability[j] <= 0.5:
+            states.append(state)
+            continue
+        time_s, (acts, rise_s) = float(scan.times_s[j]), scan.event.forms[int(scan.forms[j])]
+        unit = one_unit(acts, trial, fit.force_mn(j) - state.offset_mn)
+        size = max(scan.size, abs(float(scan.coefficients[j])))
+        step = step_shape(trial, time_s, rise_s) * unit
+        since = np.maximum(trial.time_s - time_s, 0.0)
+        early, late = (step_shape(trial, time_s + d, rise_s) for d in (-JITTER_S, JITTER_S))
+        jitter = (early - late) * unit / (2.0 * JITTER_S)
+        shapes = [OwnShape(name, acts, step, size**2, time_s)]
+        shapes += [
+            OwnShape(name, acts, step * -np.expm1(-since / t), (SETTLES * size) ** 2, time_s, CREEP)
+            for t in SETTLES_S
+        ]
+        shapes.append(OwnShape(name, acts, jitter, (JITTER_S * size) ** 2, time_s, CREEP))
+        states.append(state.with_shapes(shapes, float(scan.coefficients[j])))
+    return replace(fit, states=tuple(states))

@@ -1,0 +1,212 @@
+"""What was found: each effect with its size, how probable it is, and what else it may be."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.mismatch.evidence.account import Account
+from analysis.mismatch.fit.gram import solve
+from analysis.mismatch.levels import INEXACT, TEMPER, TWO_ERRORS, WORTH_NAMING
+from analysis.mismatch.model.effects import TISSUE_SIZE, Law
+from analysis.mismatch.name.lines import Line
+from analysis.mismatch.name.search import Named, Rival
+from analysis.simulation.mechanism import Mechanism, library
+
+FloatArray = NDArray[np.float64]
+
+LOOKED_AT = 60
+"""Laws at their settings, events and bands that an adjusted p-value counts."""
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A value with its standard error and unit."""
+
+    value: float
+    se: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One effect: evidence (nats) lost without it, adjusted p-value, sizes, probability, alternatives by name."""
+
+    mechanism: Mechanism
+    evidence: float
+    p_value: float
+    parameters: Mapping[str, Quantity]
+    probability: float
+    alternatives: Mapping[str, float]
+    at_bound: bool = False
+
+    @property
+    def name(self) -> str:
+        """The mechanism's name."""
+        return self.mechanism.name
+
+
+def findings(named: Named, baseline: Account, lines: Sequence[Line]) -> tuple[Finding, ...]:
+    """Return everything that was named, most evidence first."""
+    account = named.account
+    found = []
+    for name in account.names:
+        mechanism = library().get(name)
+        if mechanism is None:
+            continue
+        if len(account.names) > 1:
+            evidence = account.gain_over(account.without(name))[0]
+        else:
+            evidence = account.gain_over(baseline)[0]
+        probability, alternatives = weighed(mechanism, named.rivals.get(name, ()), account.names)
+        law = next((law for law in account.fit.shared.laws if law.name == name), None)
+        sizes = law_sizes(account, law) if law is not None else own_sizes(account, mechanism)
+        found.append(
+            Finding(
+                mechanism,
+                evidence,
+                min(1.0, LOOKED_AT * float(np.exp(-min(max(evidence, 0.0), 700.0)))),
+                sizes,
+                probability,
+                alternatives,
+                law is not None and at_bound(law),
+            )
+        )
+    for line in lines:
+        # a harmonic is no second hum
+        if line.name and all(f.name != line.name for f in found):
+            m = library()[line.name]
+            sizes = {
+                "amplitude_mn": Quantity(line.amplitude_mn, line.amplitude_se_mn, "mN"),
+                "frequency_hz": Quantity(line.frequency_hz, 0.03, "Hz"),
+            }
+            found.append(Finding(m, -float(np.log(max(line.p_value, 1e-300))), line.p_value, sizes, 1.0, {}))
+    return tuple(sorted(found, key=lambda f: -f.evidence))
+
+
+def weighed(
+    mechanism: Mechanism, rivals: Sequence[Rival], present: Sequence[str]
+) -> tuple[float, dict[str, float]]:
+    """Return how probable a name is, and the probabilities of its alternatives.
+
+    Evidence is tempered, and a lead within a tenth of the evidence, to which laws are right, is none. Alternatives are
+    those that remain probable, those within two paired errors, and those the library knows to be inseparable.
+    """
+    own = next((r for r in rivals if r.name == mechanism.name), None)
+    if own is None or own.gain <= 0:
+        return 1.0, {}
+    temperature = 1.0 + TEMPER * own.gain
+    logits = {"": -own.gain / temperature, mechanism.name: 0.0}
+    close = set()
+    for r in rivals:
+        if r.name == mechanism.name or r.name in present or r.name not in library():
+            continue
+        behind = own.account.evidence - r.account.evidence
+        lead, error = float(behind.sum()), float(np.std(behind) * np.sqrt(len(behind)))
+        logits[r.name] = -max(lead - INEXACT * own.gain, 0.0) / temperature
+        if lead < TWO_ERRORS * error:
+            close.add(r.name)
+    for name in mechanism.inseparable:
+        if name not in present:
+            logits.setdefault(name, float(np.log(WORTH_NAMING)))
+            close.add(name)
+    total = float(np.logaddexp.reduce(np.array(list(logits.values()))))
+    probability = {name: float(np.exp(v - total)) for name, v in logits.items() if name}
+    mine = probability.pop(mechanism.name)
+    kept = {n: p for n, p in probability.items() if p >= WORTH_NAMING or n in close}
+    return mine, dict(sorted(kept.items(), key=lambda item: -item[1]))
+
+
+def at_bound(law: Law) -> bool:
+    """Whether a law's size ended at a limit of its range: one that has to go so far is not the right one."""
+    p = law.mechanism.parameter(law.mechanism.amplitude)
+    if p.name not in law.free:
+        p = law.parameters[0]
+    value, ends = p.to_fit(law.values[p.name]), sorted((p.to_fit(p.lower), p.to_fit(p.upper)))
+    null = p.to_fit(law.mechanism.null[p.name])
+    near = 1e-6 * max(1.0, abs(value))
+    return bool((value - ends[0] <= near and ends[0] != null) or ends[1] - value <= near)
+
+
+def law_sizes(account: Account, law: Law) -> dict[str, Quantity]:
+    """Return a law's reported parameters with their errors, tissue and inexactness free."""
+    fit = account.fit
+    N, ridge = account.grams.total(), account.grams.ridge
+    covariance = solve(N, ridge, range(TISSUE_SIZE + account.grams.n_added))[1]
+    at = TISSUE_SIZE
+    for other in fit.shared.laws:
+        if other is law:
+            break
+        at += len(other.parameters)
+    errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    found = {}
+    for k, p in enumerate(law.parameters):
+        value = law.values[p.name]
+        # a law that is right to a tenth has a size that is known to no better, in every trial anew
+        inexact = (
+            INEXACT * abs(value) / np.sqrt(len(fit.trials)) if p.name == law.mechanism.amplitude else 0.0
+        )
+        error = float(np.hypot(abs(p.derivative(value)) * errors[at + k], inexact))
+        if not p.inner:
+            found[p.name] = Quantity(value, error, p.unit)
+    return whole_law(law, found, fit.trials[0].study_depth_mm)
+
+
+def whole_law(law: Law, found: dict[str, Quantity], depth_mm: float) -> dict[str, Quantity]:
+    """Return sizes with those that a law's other form implies: d^p has the curvature of b at half the largest depth.
+
+    Both forms grow alike there: 1 + b d / (1 + b d) = p.
+    """
+    p = found.get("exponent")
+    if law.name != "stiffening" or p is None:
+        return found
+    bent = min(max(p.value - 1.0, -0.9), 0.99)
+    b = bent / (1.0 - bent) / (0.5 * depth_mm)
+    slope = 1.0 / (1.0 - bent) ** 2 / (0.5 * depth_mm)
+    return {"coefficient_per_mm": Quantity(b, slope * p.se, "1/mm"), "exponent": p}
+
+
+def own_sizes(account: Account, mechanism: Mechanism) -> dict[str, Quantity]:
+    """Return the size of an event or an oscillation: mean over the trials that have it, error from their spread."""
+    sizes: list[float] = []
+    errors: list[float] = []
+    places: list[float] = []
+    for own, state in zip(account.fit.own, account.fit.states, strict=True):
+        mine = [k for k, s in enumerate(state.shapes) if s.effect == mechanism.name and not s.kind]
+        if not mine:
+            continue
+        covariance = np.linalg.pinv(own.information, hermitian=True)
+        at = own.tissue.stop
+        c = state.coefficients[mine]
+        v = np.array([covariance[at + k, at + k] for k in mine])
+        if mechanism.form == "oscillation":
+            # cosines and sines of overlapping hats: their mean square is that of the amplitude
+            power = 2.0 * float(np.mean(c**2 - v))
+            sizes.append(float(np.sign(power) * np.sqrt(abs(power))))
+            errors.append(float(np.sqrt(2.0 * np.mean(v))))
+        else:
+            sizes.append(float(c[0]))
+            errors.append(float(np.sqrt(v[0])))
+        places.append(state.shapes[mine[0]].at)
+    unit = 1e3 if mechanism.stage == "specimen" else 1.0
+    values: FloatArray = unit * np.array(sizes)
+    n = len(values)
+    sign = float(np.sign(values[0])) if bool(np.all(values * values[0] > 0)) else 1.0
+    spread = float(np.std(values if sign < 0 else np.abs(values), ddof=1) / np.sqrt(n)) if n > 1 else 0.0
+    error = float(np.hypot(spread, unit * np.sqrt(np.mean(np.square(errors)) / n)))
+    if mechanism.form == "oscillation":
+        value = float(np.sqrt(max(float(np.mean(np.sign(values) * values**2)), 0.0)))
+    else:
+        value = sign * float(np.mean(np.abs(values)))
+    where = mechanism.parameters[1]
+    scatter = float(np.std(places, ddof=1)) if n > 1 else 0.0
+    grid = 0.02 * float(np.median(places)) if mechanism.form == "oscillation" else 1e-3
+    return {
+        mechanism.amplitude: Quantity(value, error, mechanism.parameter(mechanism.amplitude).unit),
+        where.name: Quantity(
+            float(np.median(places)), float(np.hypot(1.25 * scatter / np.sqrt(n), grid)), where.unit
+        ),
+    }

@@ -1,0 +1,124 @@
+"""Lines too quick for cells: hum of the mains and other tones, found at full rate and taken out of the recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+from scipy.stats import gamma
+
+from analysis.mismatch.fit.study_fit import StudyFit, all_equal
+from analysis.mismatch.levels import LINE_LEVEL
+from analysis.simulation.cells import CellTrial
+from analysis.simulation.mechanism import library
+
+FloatArray = NDArray[np.float64]
+
+LOWEST_HZ = 16.0
+BACKGROUND = 61
+MOST_LINES = 6
+KNOT_S = 1.0
+SHORTEST_S = 0.5
+MAINS_HZ = (50.0, 60.0)
+MAINS_WITHIN = 0.01
+
+
+@dataclass(frozen=True)
+class Line:
+    """A tone that every trial has, its phase new in each: frequency (Hz), amplitude (mN) with error, chance of it."""
+
+    frequency_hz: float
+    amplitude_mn: float
+    amplitude_se_mn: float
+    p_value: float
+
+    @property
+    def name(self) -> str:
+        """The mechanism's name where it is the mains or a harmonic; empty otherwise."""
+        m = library()["mains_hum"]
+        p = m.parameter("frequency_hz")
+        harmonic = any(
+            abs(self.frequency_hz - n * f) <= MAINS_WITHIN * self.frequency_hz
+            for f in MAINS_HZ
+            for n in range(1, 9)
+        )
+        return m.name if harmonic and p.lower <= self.frequency_hz <= p.upper else ""
+
+
+def find_lines(fit: StudyFit) -> list[Line]:
+    """Return the lines in the trials' full-rate residuals at rest.
+
+    H0: at every frequency the periodogram of each trial is exponential about its neighbours' median, so that the mean
+    over trials is a gamma variable; p-values are multiplied by the frequencies looked at.
+    """
+    if not all_equal([t.sample_rate_hz for t in fit.trials]):
+        return []
+    rate = fit.trials[0].sample_rate_hz
+    stretches = [s for j in range(len(fit.trials)) if (s := _at_rest(fit, j)) is not None]
+    if not stretches:
+        return []
+    n = min(len(s) for s in stretches)
+    if n < SHORTEST_S * rate or rate < 4.0 * LOWEST_HZ:
+        return []
+    window = np.hanning(n)
+    window *= np.sqrt(n / float(window @ window))
+    spectra = np.array([np.abs(np.fft.rfft((s[:n] - s[:n].mean()) * window)) ** 2 / n for s in stretches])
+    frequency = np.fft.rfftfreq(n, 1.0 / rate)
+    local = np.array([median_filter(s, BACKGROUND, mode="nearest") for s in spectra]) / np.log(2.0)
+    ratio = (spectra / np.maximum(local, 1e-300)).mean(axis=0)
+    m = len(stretches)
+    looked = (frequency >= LOWEST_HZ) & (frequency < 0.47 * rate)
+    p = np.where(looked, gamma.sf(ratio * m, m), 1.0) * int(looked.sum())
+    found: list[Line] = []
+    for k in np.argsort(-ratio * looked):
+        if p[k] > LINE_LEVEL or len(found) == MOST_LINES:
+            break
+        near = slice(max(0, k - 2), k + 3)
+        if any(abs(frequency[k] - f.frequency_hz) < 12.0 * rate / n for f in found):
+            continue
+        excess = np.maximum((spectra - local)[:, near].sum(axis=1), 0.0)
+        centre = float(
+            (frequency[near] * spectra[:, near].mean(axis=0)).sum() / spectra[:, near].mean(axis=0).sum()
+        )
+        # a Hann window leaves all of a line's power A^2 N / 4 in its neighbourhood
+        size = np.sqrt(4.0 * excess / n)
+        error = float(np.std(size) / np.sqrt(m)) if m > 1 else float(np.sqrt(4.0 * local[:, k].mean() / n))
+        found.append(Line(centre, float(np.sqrt(np.mean(size**2))), error, float(min(p[k], 1.0))))
+    return found
+
+
+def _at_rest(fit: StudyFit, j: int) -> FloatArray | None:
+    trial = fit.trials[j]
+    for name in ("hold", "sweep", "dwell"):
+        cells = np.flatnonzero(trial.in_phase(name))
+        if len(cells) > 4:
+            a, b = int(trial.starts[cells[0]]), int(trial.starts[cells[-1]])
+            a += round(0.1 * trial.sample_rate_hz)
+            if b - a >= SHORTEST_S * trial.sample_rate_hz:
+                return fit.full_residual_mn(j)[a:b]
+    return None
+
+
+def without_lines(fit: StudyFit, lines: Sequence[Line]) -> tuple[CellTrial, ...]:
+    """Return the trials with every line taken out of their force, its amplitude free to wander over a second."""
+    trials = []
+    for j, trial in enumerate(fit.trials):
+        residual = fit.full_residual_mn(j)
+        time_s = np.arange(len(residual)) / trial.sample_rate_hz
+        count = max(1, round(time_s[-1] / KNOT_S))
+        at = np.linspace(0.0, time_s[-1], count + 1)
+        taken = np.zeros(len(residual))
+        for line in lines:
+            turn = np.exp(2j * np.pi * line.frequency_hz * time_s)
+            hats = [np.maximum(0.0, 1.0 - np.abs(time_s - a) * count / time_s[-1]) for a in at]
+            # hats overlap little: each knot's amplitude is the mean about it
+            size = [2.0 * complex((h * residual) @ turn.conj()) / float(h.sum()) for h in hats]
+            smooth = np.interp(time_s, at, np.real(size)) + 1j * np.interp(time_s, at, np.imag(size))
+            taken += np.real(smooth * turn)
+        force = trial.full_force_mn - taken
+        means = np.add.reduceat(force.astype(np.float64), trial.starts) / trial.counts
+        trials.append(replace(trial, full_force_mn=force.astype(np.float32), force_mn=means))
+    return tuple(trials)

@@ -1,0 +1,160 @@
+"""Oscillations of the surface with a phase of their own in every trial: breath, pulse, tremor, or any frequency."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+
+from analysis.mismatch.fit.study_fit import StudyFit
+from analysis.mismatch.model.effects import OwnShape, simulate
+from analysis.simulation.cells import CellTrial
+from analysis.simulation.mechanism import library
+
+FloatArray = NDArray[np.float64]
+
+LOWEST_HZ, HIGHEST_HZ = 0.15, 15.0
+COHERENT_S = 3.0
+"""Pulse and breath keep their phase and size for about so long."""
+SPACING = 0.45
+"""Of the width of a line: frequencies are looked at so densely."""
+WANDERS = 0.06
+"""A body's rhythm differs by so much between trials."""
+SIZES = np.geomspace(3.0, 3e3, 9)
+UNKNOWN_SIZE = 1.5
+HARMONIC = "harmonic"
+OVERTONE = 0.3
+"""A body's rhythm has an overtone of some such share of its size."""
+
+
+@dataclass(frozen=True)
+class OscillationScan:
+    """What all trials say of a surface that oscillates: evidence in nats, frequency and size, each trial's own."""
+
+    evidence: float
+    by_trial: FloatArray
+    frequency_hz: float
+    own_hz: FloatArray
+    size_mm: float
+    name: str
+    profile: FloatArray
+    grid_hz: FloatArray
+
+
+def knots(trial: CellTrial, frequency_hz: float) -> FloatArray:
+    """Return hat functions (h, n) between which amplitude and phase wander; one that is constant for slow ones."""
+    t = trial.time_s
+    length = float(t[-1] - t[0])
+    spacing = max(COHERENT_S, 2.5 / frequency_hz)
+    count = max(1, round(length / spacing))
+    if count == 1:
+        return np.ones((1, len(t)))
+    at = np.linspace(t[0], t[-1], count + 1)
+    return np.maximum(0.0, 1.0 - np.abs(t - at[:, None]) * count / length)
+
+
+def waves(trial: CellTrial, frequency_hz: float) -> FloatArray:
+    """Return cosine and sine on every hat, (2h, n), averaged over the cells."""
+    phase = 2.0 * np.pi * frequency_hz * trial.time_s
+    blur = np.sinc(frequency_hz * trial.counts / trial.sample_rate_hz)
+    hats = knots(trial, frequency_hz)
+    return np.vstack([hats * np.cos(phase) * blur, hats * np.sin(phase) * blur])
+
+
+def name_of(frequency_hz: float) -> str:
+    """Return the mechanism whose band holds a frequency; empty where the library has none."""
+    for m in library().values():
+        if m.form == "oscillation" and m.needs_contact:
+            p = m.parameter("frequency_hz")
+            if p.lower * (1 - WANDERS) <= frequency_hz <= p.upper * (1 + WANDERS):
+                return m.name
+    return ""
+
+
+def frequency_grid(length_s: float) -> FloatArray:
+    """Return the frequencies at which lines of this length are looked for, Hz."""
+    found, f = [], LOWEST_HZ
+    while f < HIGHEST_HZ:
+        found.append(f)
+        f += SPACING / min(length_s, max(COHERENT_S, 2.5 / f))
+    return np.array(found)
+
+
+def scan_oscillations(fit: StudyFit) -> OscillationScan:
+    """Weigh a surface that oscillates at every frequency, amplitudes integrated out."""
+    skin = [j for j, t in enumerate(fit.trials) if t.kind == "ramp_hold_retract"]
+    n = len(fit.trials)
+    lengths = [float(fit.trials[j].time_s[-1] - fit.trials[j].time_s[0]) for j in skin]
+    grid = frequency_grid(float(np.median(lengths))) if skin else np.zeros(0)
+    nothing = OscillationScan(-np.inf, np.zeros(n), 0.0, np.zeros(n), 0.0, "", np.zeros(0), grid)
+    if not len(grid):
+        return nothing
+    energies: list[list[tuple[FloatArray, FloatArray]]] = []
+    stiffness = []
+    for j in skin:
+        trial, state = fit.trials[j], fit.states[j]
+        touching = simulate(trial, replace(state, offset_mn=0.0), fit.shared) > 0.0
+        s = state.tissue
+        stiffness.append(s.k0 + s.k1 + s.k2)
+        blocks = [waves(trial, float(f)) * touching for f in grid]
+        sizes = np.cumsum([0, *(len(b) for b in blocks)])
+        white = fit.projectors[j](np.vstack(blocks).T)
+        scores = fit.projectors[j].residual @ white
+        own = []
+        for a, b in zip(sizes[:-1], sizes[1:], strict=True):
+            values, vectors = np.linalg.eigh(white[:, a:b].T @ white[:, a:b])
+            own.append((np.maximum(values, 0.0), (scores[a:b] @ vectors) ** 2))
+        energies.append(own)
+    typical = 1.0 / np.sqrt(float(np.median([v.max() for own in energies for v, _ in own])))
+    best = nothing
+    for strength in SIZES:
+        v = (float(strength) * typical) ** 2
+        ratio = np.array(
+            [
+                [float(np.sum(-0.5 * np.log1p(v * a) + 0.5 * v * c2 / (1.0 + v * a))) for a, c2 in own]
+                for own in energies
+            ]
+        )
+        profile = np.zeros(len(grid))
+        spread = np.zeros_like(ratio)
+        for k, f in enumerate(grid):
+            near = np.flatnonzero(np.abs(grid - f) <= WANDERS * f + 1e-9)
+            spread[:, k] = logsumexp(ratio[:, near], axis=1) - np.log(len(near))
+            profile[k] = float(spread[:, k].sum())
+        whole = float(logsumexp(profile) - np.log(len(grid))) - UNKNOWN_SIZE
+        if whole > best.evidence:
+            k = int(np.argmax(profile))
+            near = np.flatnonzero(np.abs(grid - grid[k]) <= WANDERS * grid[k] + 1e-9)
+            by_trial, own_hz = np.zeros(n), np.full(n, float(grid[k]))
+            by_trial[skin] = spread[:, k]
+            own_hz[skin] = grid[near[np.argmax(ratio[:, near], axis=1)]]
+            best = OscillationScan(
+                whole,
+                by_trial,
+                float(grid[k]),
+                own_hz,
+                float(np.sqrt(v)) / float(np.median(stiffness)),
+                name_of(float(grid[k])),
+                profile,
+                grid,
+            )
+    return best
+
+
+def with_oscillation(fit: StudyFit, scan: OscillationScan, name: str) -> StudyFit:
+    """Return the fit with every trial's surface free to oscillate at its frequency."""
+    states = []
+    for j, (trial, state) in enumerate(zip(fit.trials, fit.states, strict=True)):
+        if trial.kind == "ramp_hold_retract":
+            f = float(scan.own_hz[j])
+            shapes = [OwnShape(name, "surface", w, scan.size_mm**2, f) for w in waves(trial, f)]
+            overtone = (OVERTONE * scan.size_mm) ** 2
+            shapes += [
+                OwnShape(name, "surface", w, overtone, 2.0 * f, HARMONIC) for w in waves(trial, 2.0 * f)
+            ]
+            states.append(state.with_shapes(shapes))
+        else:
+            states.append(state)
+    return replace(fit, states=tuple(states))

@@ -1,0 +1,209 @@
+"""Search for the set of effects that predicts the recordings best: add, refit, weigh again, drop what is needless."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from analysis.mismatch.evidence.account import Account, inexact_columns
+from analysis.mismatch.evidence.heldout import heldout_deviance
+from analysis.mismatch.fit.gram import gram, solve
+from analysis.mismatch.fit.law_fit import law_columns, law_prior
+from analysis.mismatch.levels import (
+    CLOSE,
+    ENOUGH_OWN,
+    ENOUGH_SHARED,
+    INEXACT,
+    MOST_EFFECTS,
+    REFITTED,
+    STARTS,
+)
+from analysis.mismatch.model.dictionary import Template, template_columns, templates
+from analysis.mismatch.model.effects import TISSUE_SIZE
+from analysis.mismatch.name.events import EventScan, scan_events, with_events
+from analysis.mismatch.name.oscillations import OscillationScan, scan_oscillations, with_oscillation
+
+NAMELESS = "oscillation"
+"""An oscillation in no band of the library."""
+TIMES_LOOKED_AT = 70
+
+
+@dataclass(frozen=True)
+class Option:
+    """An effect that might be added: name, linear evidence (nats), what is enough, how to refit it for what gain."""
+
+    name: str
+    nats: float
+    enough: float
+    refit: Callable[[], tuple[Account, float]]
+
+
+@dataclass(frozen=True)
+class Rival:
+    """An effect that was refitted at one step: evidence in nats over the account before, and its paired error."""
+
+    name: str
+    gain: float
+    error: float
+    account: Account
+
+
+@dataclass(frozen=True)
+class Named:
+    """The account that predicts best, and who was considered for each of its effects, by name."""
+
+    account: Account
+    rivals: dict[str, tuple[Rival, ...]]
+
+
+def search(account: Account) -> Named:
+    """Add the effect with most evidence, refit, drop what became needless, until nothing more is worth it."""
+    rivals: dict[str, tuple[Rival, ...]] = {}
+    while len(account.names) < MOST_EFFECTS:
+        step = considered(account)
+        if not step:
+            break
+        best = step[0]
+        rivals[best.name] = step
+        account = pruned(best.account, best.name)
+    return Named(account, {name: rivals[name] for name in account.names})
+
+
+def considered(account: Account) -> tuple[Rival, ...]:
+    """Return the effects worth adding, refitted, best first; none where the best has not enough evidence.
+
+    All are weighed by the noise that the best of them leaves: an effect that was taken for noise hides itself.
+    """
+    quick = account.quick()
+    options = worth_trying(quick, own_options(quick))
+    if quick is not account:
+        options += [o for o in worth_trying(account, []) if o.name not in {p.name for p in options}]
+    tried = sorted(((o, *o.refit()) for o in options), key=lambda t: -t[2])
+    if not tried or tried[0][2] < 0.5 * tried[0][0].enough:
+        return ()
+    noise = tried[0][1].reweighed().fit.noise
+    before = account.at_noise(noise)
+    found: list[Rival] = []
+    for option, refitted, linear in tried:
+        if linear < CLOSE * tried[0][2] and found:
+            continue
+        anew = refitted.at_noise(noise)
+        gain, error = anew.gain_over(before)
+        if gain >= option.enough:
+            found.append(Rival(option.name, gain, error, anew))
+    return tuple(sorted(found, key=lambda r: -r.gain))
+
+
+def worth_trying(account: Account, own: list[Option]) -> list[Option]:
+    """Return the few effects, laws and ``own``, with most linear evidence by an account's noise."""
+    options = sorted([*law_options(account), *own], key=lambda o: -o.nats)
+    return [o for o in options if o.nats > 0.5 * o.enough and o.nats > CLOSE * options[0].nats][:REFITTED]
+
+
+def pruned(account: Account, newest: str) -> Account:
+    """Take out, one by one, what the newest effect and the others make needless."""
+    for name in account.names:
+        if name == newest:
+            continue
+        without = account.without(name)
+        if account.gain_over(without)[0] < (ENOUGH_OWN if name in account.steps else ENOUGH_SHARED):
+            account = without
+    return account
+
+
+def law_options(account: Account) -> list[Option]:
+    """Return the laws that might be added, weighed beside what the present laws may leave over."""
+    fit = account.fit
+    wanted = templates(fit.trials, account.names)
+    columns = []
+    for j, inexact in enumerate(inexact_columns(fit)):
+        t, s = fit.trials[j], fit.states[j]
+        own = law_columns(t, s, fit.shared)
+        columns.append(np.column_stack([own, inexact, template_columns(t, s, fit.shared, wanted)]))
+    P = len(law_prior(fit.shared.laws)[0])
+    present = columns[0].shape[1] - len(wanted)
+    ridge = np.concatenate(
+        [law_prior(fit.shared.laws)[0], np.full(present - P, INEXACT**-2), np.zeros(len(wanted))]
+    )
+    grams = gram(fit, columns, ridge)
+    before = heldout_deviance(grams, range(present))
+    total = grams.total()
+    best: dict[str, list[tuple[float, int, float]]] = {}
+    for k, template in enumerate(wanted):
+        pick = [*range(TISSUE_SIZE + present), TISSUE_SIZE + present + k]
+        coefficient = float(solve(total, grams.ridge, pick)[0][-1])
+        if template.mechanism.one_sided and coefficient <= 0:
+            continue
+        gain = 0.5 * float((before - heldout_deviance(grams, [*range(present), present + k])).sum())
+        best.setdefault(template.name, []).append((gain, k, coefficient))
+    options = []
+    for name, found in best.items():
+        found.sort(reverse=True)
+        starts = found[:1]
+        for other in found[1:]:
+            if len(starts) < STARTS and all(abs(other[1] - f[1]) > 2 for f in starts):
+                starts.append(other)
+        options.append(Option(name, found[0][0], ENOUGH_SHARED, _law_refit(account, wanted, starts)))
+    return options
+
+
+def _law_refit(
+    account: Account, wanted: list[Template], starts: list[tuple[float, int, float]]
+) -> Callable[[], tuple[Account, float]]:
+    def refit() -> tuple[Account, float]:
+        laws, exact = account.fit.shared.laws, account.exact
+        tried = [exact.with_laws((*laws, wanted[k].as_law(c))) for _, k, c in starts]
+        best = max(tried, key=lambda a: float(a.evidence.sum()))
+        return best, best.gain_over(exact)[0]
+
+    return refit
+
+
+def own_options(account: Account) -> list[Option]:
+    """Return the events and the oscillation that might be added."""
+    options = [
+        Option(scan.event.name, scan.evidence, ENOUGH_OWN, _event_refit(account, scan))
+        for scan in scan_events(account.fit)
+        if scan.event.name not in account.steps
+    ]
+    scan = scan_oscillations(account.fit)
+    name = scan.name or NAMELESS
+    if name not in account.steps:
+        options.append(Option(name, scan.evidence, ENOUGH_OWN, _oscillation_refit(account, scan, name)))
+    return options
+
+
+def _event_refit(account: Account, scan: EventScan) -> Callable[[], tuple[Account, float]]:
+    def refit() -> tuple[Account, float]:
+        exact = account.exact
+        # a time was chosen in every trial that has a step
+        price = float(np.log(TIMES_LOOKED_AT)) * int((scan.probability > 0.5).sum())
+        added = replace(
+            exact,
+            fit=with_events(exact.fit, scan),
+            steps=(*account.steps, scan.event.name),
+            cost=account.cost + price,
+        )
+        refitted = added.with_laws(account.fit.shared.laws)
+        return refitted, refitted.gain_over(exact)[0]
+
+    return refit
+
+
+def _oscillation_refit(
+    account: Account, scan: OscillationScan, name: str
+) -> Callable[[], tuple[Account, float]]:
+    def refit() -> tuple[Account, float]:
+        exact = account.exact
+        added = replace(
+            exact,
+            fit=with_oscillation(exact.fit, scan, name),
+            steps=(*account.steps, name),
+            cost=account.cost + float(np.log(max(len(scan.grid_hz), 1))),
+        )
+        refitted = added.with_laws(account.fit.shared.laws)
+        return refitted, refitted.gain_over(exact)[0]
+
+    return refit

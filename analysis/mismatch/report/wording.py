@@ -1,0 +1,270 @@
+"""The report's sentences, for a person at the bench."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from analysis.mismatch.evidence.heldout import FEWEST_HELD_OUT
+from analysis.mismatch.levels import FEW_TRIALS
+from analysis.mismatch.locate.absorbed import Absorbed
+from analysis.mismatch.model.words import listed, spoken
+from analysis.mismatch.name.finding import Quantity
+from analysis.mismatch.propose.proposal import NextExperiment
+from analysis.mismatch.report.contents import NotIdentifiable, Report, Window
+from analysis.simulation.mechanism import Mechanism, library
+
+TISSUE_WORDS = {
+    "k0_mn_per_mm": "k0",
+    "k1_mn_per_mm": "k1",
+    "tau1_s": "tau1",
+    "k2_mn_per_mm": "k2",
+    "tau2_s": "tau2",
+}
+WORTH_SAYING = 0.01
+
+
+def symbol(name: str) -> str:
+    """Return a parameter's name without its unit, as it is spoken."""
+    for ending in (
+        "_mn_per_mm", "_mn_s_per_mm", "_um_per_mn", "_mn_per_s", "_per_mm", "_to_k0", "_rad_s",
+        "_mn", "_um", "_mm", "_ms", "_hz", "_s", "_g",
+    ):  # fmt: skip
+        if name.endswith(ending):
+            return spoken(name.removesuffix(ending))
+    return spoken(name)
+
+
+def scaled(value: float, unit: str) -> tuple[float, str]:
+    """Return a factor and the unit in which a value (mN or g) is read best; other units stay as they are.
+
+    Forces of other instruments are newtons of a drive or nanonewtons on a cell.
+    """
+    size = abs(value)
+    if unit == "mN" and size >= 1e3:
+        return 1e-3, "N"
+    if unit == "mN" and 0 < size < 1e-3:
+        return 1e6, "nN"
+    if unit == "g" and size >= 1e4:
+        return 1e-3, "kg"
+    return 1.0, unit
+
+
+def force(value_mn: float, digits: int = 2, *, signed: bool = False) -> str:
+    """Return a force with the unit in which it is read best."""
+    factor, unit = scaled(value_mn, "mN")
+    rounded = float(f"{value_mn * factor:.{digits}g}")
+    return f"{rounded:+g} {unit}" if signed else f"{rounded:g} {unit}"
+
+
+def with_error(q: Quantity) -> str:
+    """Return value, error and unit, the value rounded to its error's second digit."""
+    factor, scaled_unit = scaled(q.value, q.unit)
+    q = Quantity(factor * q.value, factor * q.se, scaled_unit)
+    unit = "" if q.unit == "1" else f" {q.unit}"
+    if not np.isfinite(q.se) or q.se <= 0:
+        return f"{q.value:.4g}{unit}"
+    decimals = int(1 - np.floor(np.log10(q.se)))
+    if decimals > 5 or decimals < -3 or abs(q.value) >= 1e5:
+        return f"{q.value:.5g} ± {q.se:.2g}{unit}"
+    return f"{q.value:.{max(decimals, 0)}f} ± {q.se:.{max(decimals, 0)}f}{unit}"
+
+
+def chance(p_value: float) -> str:
+    """Return a p-value as it is read: no more digits than it deserves."""
+    return "< 0.0001" if p_value < 1e-4 else f"{p_value:.1g}"
+
+
+def explanation(mechanism: Mechanism, found: Mapping[str, Quantity], alternatives: Sequence[str]) -> str:
+    """Say what a mechanism is and how large it was found."""
+    text = mechanism.words[:1].upper() + mechanism.words[1:]
+    if found:
+        text += ": " + listed([f"{symbol(name)} {with_error(q)}" for name, q in found.items()])
+    text += "."
+    if alternatives:
+        names = listed([spoken(n) for n in alternatives], "or")
+        text += f" These trials can't tell it from {names}; {separated_by(mechanism)} would."
+    return text
+
+
+def separated_by(mechanism: Mechanism) -> str:
+    """Say which run tells a mechanism from others."""
+    words = spoken(mechanism.separated_by)
+    article = {
+        "rigid target": "a run on a rigid target",
+        "air sweep": "an air sweep",
+        "smaller depth": "a smaller depth",
+    }
+    return article.get(words, words)
+
+
+def hidden(absorbed: Absorbed) -> str:
+    """Say what a mechanism that can't be seen would do to the tissue's parameters."""
+    m = absorbed.mechanism
+    p = m.parameter(m.amplitude)
+    size = f"{absorbed.values[m.amplitude]:g} {'' if p.unit == '1' else p.unit}".strip()
+    shifts = sorted(absorbed.shift_percent.items(), key=lambda item: -abs(item[1]))
+    told = [_shift(name, percent) for name, percent in shifts[:2] if abs(percent) > 100 * WORTH_SAYING]
+    what = f"{symbol(m.amplitude)} of {size}"
+    if not told:
+        return f"{what} leaves no trace in these trials, and hardly touches the tissue's parameters"
+    return f"the fitted tissue takes its place: {what} would hide here and make {listed(told)}"
+
+
+def _shift(name: str, percent_linear: float) -> str:
+    percent = 100.0 * float(np.expm1(np.clip(percent_linear / 100.0, -3.0, 3.0)))
+    word = (
+        ("stiffer" if percent > 0 else "softer")
+        if name.startswith("k")
+        else "longer"
+        if percent > 0
+        else "shorter"
+    )
+    return f"{TISSUE_WORDS.get(name, name)} look {abs(percent):.2g} % {word}"
+
+
+def place(window: Window) -> str:
+    """Say where and how large a window is."""
+    when = f"in the {window.phase} ({window.start_s:.3g} to {window.stop_s:.3g} s)"
+    if 0.0 in (window.mean_residual_mn, window.mean_residual_um):
+        # what has no mean at any one place is said in words: single samples, a line, a trend over the trials
+        return f"{when}{', in the position' if window.signal == 'position' else ''}: {window.conditions}"
+    if window.signal == "position":
+        return f"{when}, the position is off by {window.mean_residual_um or 0.0:+.2g} um"
+    if window.mean_residual_mn is not None and abs(window.mean_residual_mn) > 0.5 * (window.rms_mn or 0.0):
+        return f"{when}, by {force(window.mean_residual_mn, signed=True)} on average"
+    return f"{when}, by {force(window.rms_mn or 0.0)} rms"
+
+
+def bias_words(report: Report, least: float = 0.01) -> str:
+    """Say what the mismatch had done to the tissue's parameters, the largest two."""
+    moved = []
+    for name, spoken_name in TISSUE_WORDS.items():
+        before, after = report.baseline_parameters.get(name), report.improved_parameters.get(name)
+        if before is None or after is None or after.value == 0:
+            continue
+        change = before.value / after.value - 1.0
+        if abs(change) > least and abs(before.value - after.value) > 3.0 * max(after.se, 1e-12):
+            moved.append((abs(change), f"{spoken_name} by {change_in_percent(change)}"))
+    moved.sort(reverse=True)
+    return listed([text for _, text in moved[:3]])
+
+
+def summary(report: Report) -> str:
+    """Return one to three sentences: what differs, what was left out, how sure, what it did, what next."""
+    said = [_headline(report)]
+    if report.verdict != "no_mismatch" and report.mechanisms:
+        bias = bias_words(report)
+        if bias:
+            said.append(f"Left out, it had shifted the tissue's {bias}.")
+    if report.n_trials < FEW_TRIALS:
+        said.append(
+            f"Only {report.n_trials} trial{'s were' if report.n_trials > 1 else ' was'} given: how sure all this is "
+            "rests on their noise as it was measured at rest, and "
+            + (
+                "nothing could be held out"
+                if report.n_trials < FEWEST_HELD_OUT
+                else "little could be held out"
+            )
+            + ", so slow noise may pass for an effect; record at least 8."
+        )
+    if report.verdict == "no_mismatch" and report.not_identifiable:
+        said.append(_hidden_words(report.not_identifiable))
+    if report.next_experiment is not None:
+        said.append(
+            f"Next: run next.toml ({report.next_experiment.adds}), which is predicted to "
+            f"{_what_it_separates(report.next_experiment)}."
+        )
+    return " ".join(said)
+
+
+def _what_it_separates(experiment: NextExperiment) -> str:
+    """Say what the next run is for: telling rivals apart, or showing what could hide in the fitted tissue."""
+    hiding = [spoken(a) for a, b in experiment.separates if b == "tissue"]
+    rivals = [f"{spoken(a)} from {spoken(b)}" for a, b in experiment.separates if b != "tissue"]
+    ways = []
+    if rivals:
+        ways.append(f"tell {listed(rivals)}")
+    if hiding:
+        ways.append(
+            f"show whether {listed(hiding, 'or')} {'hides' if len(hiding) == 1 else 'hide'} in the tissue"
+        )
+    return listed(ways)
+
+
+def _headline(report: Report) -> str:
+    heldout = report.heldout
+    if report.verdict == "no_mismatch":
+        return (
+            f"The simulation explains {_trials(report)} to the noise ({force(heldout.noise_floor_mn)} rms a "
+            "sample): nothing is missing that these recordings could show."
+        )
+    if report.verdict == "unknown":
+        if not report.mechanisms:
+            where = f" {place(report.mismatch[0])}" if report.mismatch else ""
+            return f"Simulation and recordings differ{where}, and no mechanism of the library explains it."
+        names = listed([f"{spoken(m.name)}{_size(m.parameters)}" for m in report.mechanisms])
+        where = f" {place(report.mismatch[0])}" if report.mismatch else ""
+        share = f" and {'explains' if len(report.mechanisms) == 1 else 'explain'} {percent(report.explained_share)}"
+        found = f"{_capital(names)} {_was(report)} found{share} of what differed"
+        return f"{found}. What is left no mechanism of the library explains: it is largest{where}."
+    names = listed([f"{spoken(m.name)}{_size(m.parameters)}" for m in report.mechanisms])
+    sure = (
+        f"the error{' on trials that were not fitted' if report.n_trials >= FEWEST_HELD_OUT else ''} falls from "
+        f"{force(heldout.baseline_rms_mn, 3)} to {force(heldout.improved_rms_mn, 3)} rms "
+        f"(noise {force(heldout.noise_floor_mn, 3)}; p {p_words(report)})"
+    )
+    if [m.stage for m in report.mechanisms] == ["lever"] and report.mechanisms[0].name == "servo_bandwidth":
+        sure = (
+            f"it shows in the recorded position (p {p_words(report)}), and the force given that position is "
+            "explained"
+        )
+    if report.verdict == "named":
+        return f"The simulation left out {names}: {sure}."
+    rivals = sorted({spoken(a) for m in report.mechanisms for a in m.alternatives})
+    return (
+        f"The simulation left out {names}, or what looks the same in these trials ({listed(rivals, 'or')}): "
+        f"{sure}."
+    )
+
+
+def change_in_percent(change: float) -> str:
+    """Return a relative change in per cent, two digits, as it is read."""
+    return f"{float(f'{100 * change:.2g}'):+g} %"
+
+
+def percent(share: float) -> str:
+    """Return a share in per cent, with the digits that tell it from all."""
+    return f"{100 * share:.{1 if share > 0.99 else 0}f} %"
+
+
+def p_words(report: Report) -> str:
+    """Return the largest p-value of all that was named, with its sign."""
+    p = chance(max(m.p_value for m in report.mechanisms))
+    return p if p.startswith("<") else f"= {p}"
+
+
+def _trials(report: Report) -> str:
+    return "the trial" if report.n_trials == 1 else f"all {report.n_trials} trials"
+
+
+def _was(report: Report) -> str:
+    return "was" if len(report.mechanisms) == 1 else "were"
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def _size(parameters: Mapping[str, Quantity]) -> str:
+    for name, q in parameters.items():
+        return f" ({symbol(name)} {with_error(q)})"
+    return ""
+
+
+def _hidden_words(absorbed: Sequence[NotIdentifiable]) -> str:
+    names = listed([spoken(a.name) for a in absorbed[:3]])
+    tissue = "could still hide in the fitted tissue"
+    ways = listed(list(dict.fromkeys(separated_by(library()[a.name]) for a in absorbed[:3])), "or")
+    return f"{_capital(names)} {tissue}; {ways} would show {'it' if len(absorbed) == 1 else 'them'}."

@@ -1,0 +1,177 @@
+"""From trial files to cells: what can be diagnosed together, and what is said of what can't."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from analysis.errors import BadInputError
+from analysis.recordings import read_trial
+from analysis.recordings.trial import Trial
+from analysis.simulation.cells import CellTrial, reduce_trial
+from analysis.simulation.motion import estimate_motion, fit_servo
+
+DIAGNOSED = ("ramp_hold_retract", "air_sweep", "rigid_target")
+SERVO_TRIALS = 6
+SLOPE_TOLERANCE = 0.2
+MOVES_MM = 0.002
+
+
+@dataclass(frozen=True)
+class Intake:
+    """Trials in cells, in the order they were recorded; what was left out, and what to know of the rest (sentences)."""
+
+    trials: tuple[CellTrial, ...]
+    left_out: tuple[str, ...]
+    servo: tuple[float, float]
+    punch_diameter_mm: float | None
+    notes: tuple[str, ...] = ()
+
+
+def take_in(paths: Sequence[Path], *, hold_only: bool = False) -> Intake:
+    """Read and reduce trial files one by one, so that memory holds cells and not recordings.
+
+    Raises BadInputError, one line that names the file, for what can't be compared.
+    """
+    heads: list[Trial] = []
+    left_out: list[str] = []
+    for path in paths:
+        trial = read_trial(path)
+        reason = _not_diagnosed(trial)
+        if reason:
+            left_out.append(f"{path.name}: {reason}")
+            continue
+        check_trial(trial)
+        heads.append(_without_signals(trial, path))
+    if not heads:
+        why = f" ({left_out[0]})" if left_out else ""
+        raise BadInputError(
+            f"nothing to diagnose: no ramp-and-hold, air sweep or rigid target among the files{why}"
+        )
+    check_together(heads)
+    return _reduce(
+        heads, tuple(left_out), lambda head: replace(read_trial(Path(head.path)), path=head.path), hold_only
+    )
+
+
+def take_in_memory(trials: Sequence[Trial], *, hold_only: bool = False) -> Intake:
+    """Reduce trials that are in memory already (for campaigns); checks as for files."""
+    used = [t for t in trials if not _not_diagnosed(t)]
+    for t in used:
+        check_trial(t)
+    if not used:
+        raise BadInputError(
+            "nothing to diagnose: no ramp-and-hold, air sweep or rigid target among the trials"
+        )
+    check_together(used)
+    return _reduce(used, (), lambda trial: trial, hold_only)
+
+
+def _reduce(
+    heads: Sequence[Trial], left_out: tuple[str, ...], load: Callable[[Trial], Trial], hold_only: bool
+) -> Intake:
+    if hold_only and any(h.kind != "ramp_hold_retract" for h in heads):
+        raise BadInputError(
+            "the step baseline compares holds on skin only; leave out air sweeps and rigid targets, "
+            "or use --baseline ramp"
+        )
+    heads = sorted(heads, key=lambda t: (t.started, t.path))
+    with_command = [h for h in heads if h.command_v is not None]
+    servo = fit_servo([load(h) for h in with_command[:SERVO_TRIALS]])
+    cells: list[CellTrial] = []
+    before: tuple[tuple[float, float], ...] = ()
+    for order, head in enumerate(heads):
+        trial = load(head)
+        motion = estimate_motion(trial, *servo)
+        rest_s = head.specimen.rest_s
+        # where the rest is not known, nobody knows how much is left
+        felt = tuple((d, ago_s + rest_s) for d, ago_s in before) if rest_s is not None else ()
+        cells.append(reduce_trial(trial, motion, order=order, pressed_before=felt, hold_only=hold_only))
+        if head.kind == "ramp_hold_retract":
+            lasted_s = float(cells[-1].time_s[-1])
+            before = ((cells[-1].depth_mm, 0.0), *((d, ago_s + lasted_s) for d, ago_s in felt))
+    skin = [c.study_depth_mm for c in cells if c.kind == "ramp_hold_retract"]
+    if skin:
+        cells = [replace(c, study_depth_mm=max(skin)) for c in cells]
+    return Intake(tuple(cells), left_out, servo, heads[0].specimen.punch_diameter_mm, _notes(heads))
+
+
+def _notes(heads: Sequence[Trial]) -> tuple[str, ...]:
+    """Return what a reader must know of how the trials were sampled."""
+    notes = []
+    rates = sorted({round(h.sample_rate_hz, 3) for h in heads})
+    if len(rates) > 1:
+        told = ", ".join(f"{r:.3g}" for r in rates)
+        notes.append(
+            f"The trials were sampled differently ({told} Hz); each is compared at its own rate. Their noise is taken "
+            "as white, and lines in their spectra were not looked for."
+        )
+    uneven = sum(h.native is not None for h in heads)
+    if uneven:
+        notes.append(
+            f"{uneven} of {len(heads)} recordings were not evenly sampled and are interpolated: neighbouring samples "
+            "are not independent, so errors are larger and p-values weaker than they look."
+        )
+    return tuple(notes)
+
+
+def _without_signals(trial: Trial, path: Path) -> Trial:
+    nothing = np.zeros(0)
+    command = None if trial.command_v is None else nothing
+    return replace(trial, position_v=nothing, force_v=nothing, command_v=command, path=str(path))
+
+
+def _not_diagnosed(trial: Trial) -> str:
+    if trial.discarded:
+        return f"discarded ({trial.discarded})"
+    if trial.kind not in DIAGNOSED:
+        return f"a {trial.kind.replace('_', ' ')}, which has no simulation to be compared with"
+    return ""
+
+
+def check_trial(trial: Trial) -> None:
+    """Refuse a trial that says nothing: no motion, no force, no ramp or hold; raises BadInputError."""
+    where = Path(trial.path).name if trial.path else trial.trial_id
+    force, position = trial.force_mn, trial.position_mm
+    if not np.any(trial.force_v) or float(np.ptp(force)) == 0.0:
+        raise BadInputError(
+            f"{where}: the force is the same in every sample; check the force channel and record again"
+        )
+    if float(np.ptp(position)) < MOVES_MM:
+        raise BadInputError(
+            f"{where}: the position never moves by more than {1e3 * np.ptp(position):.2g} um; "
+            "record a trial with a ramp"
+        )
+    if trial.kind == "ramp_hold_retract":
+        missing = [name for name in ("ramp", "hold") if trial.phase(name) is None]
+        if missing:
+            raise BadInputError(
+                f"{where}: phase {' and '.join(missing)} missing; a ramp-and-hold needs both in /phases"
+            )
+    if trial.kind == "air_sweep" and trial.phase("sweep") is None:
+        raise BadInputError(f"{where}: phase sweep missing; an air sweep needs it in /phases")
+
+
+def check_together(trials: Sequence[Trial]) -> None:
+    """Refuse trials of different rigs; raises BadInputError that names the two files that differ."""
+    first = trials[0]
+    for other in trials[1:]:
+        pair = f"{Path(first.path).name} and {Path(other.path).name}"
+        imported = first.source == other.source == "imported"
+        if not imported and not np.isclose(first.sample_rate_hz, other.sample_rate_hz, rtol=1e-6):
+            raise BadInputError(
+                f"{pair}: recorded at {first.sample_rate_hz:g} and {other.sample_rate_hz:g} Hz, so on different rigs; "
+                "diagnose each rig by itself"
+            )
+        for name in ("volts_per_mm", "volts_per_mn"):
+            a, b = getattr(first.calibration, name), getattr(other.calibration, name)
+            if abs(a - b) > SLOPE_TOLERANCE * abs(a):
+                raise BadInputError(
+                    f"{pair}: {name} is {a:.4g} and {b:.4g}, so on different rigs; diagnose each rig by itself"
+                )
+        p, q = first.specimen.punch_diameter_mm, other.specimen.punch_diameter_mm
+        if p is not None and q is not None and not np.isclose(p, q, rtol=1e-3):
+            raise BadInputError(f"{pair}: punches of {p:g} and {q:g} mm; diagnose each punch by itself")

@@ -74,12 +74,18 @@ def search(account: Account) -> Named:
 def considered(account: Account) -> tuple[Rival, ...]:
     """Return the effects worth adding, refitted, best first; none where the best has not enough evidence.
 
-    All are weighed by the noise that the best of them leaves: an effect that was taken for noise hides itself.
+    What the slow noise hides is looked for only where nothing stands beside it: an effect that was taken for noise
+    hides itself, but slow noise may as well be taken for an effect.
     """
-    quick = account.quick()
-    options = worth_trying(quick, own_options(quick))
-    if quick is not account:
-        options += [o for o in worth_trying(account, []) if o.name not in {p.name for p in options}]
+    for base in (account, account.quick()):
+        found = _weighed(account, worth_trying(base, own_options(base)))
+        if found:
+            return found
+    return ()
+
+
+def _weighed(account: Account, options: list[Option]) -> tuple[Rival, ...]:
+    """Refit options and weigh them all by the noise that the best of them leaves."""
     tried = sorted(((o, *o.refit()) for o in options), key=lambda t: -t[2])
     if not tried or tried[0][2] < 0.5 * tried[0][0].enough:
         return ()
@@ -91,7 +97,8 @@ def considered(account: Account) -> tuple[Rival, ...]:
             continue
         anew = refitted.at_noise(noise)
         gain, error = anew.gain_over(before)
-        if gain >= option.enough:
+        # a gain below its error is one trial's, at the cost of others
+        if gain >= max(option.enough, error):
             found.append(Rival(option.name, gain, error, anew))
     return tuple(sorted(found, key=lambda r: -r.gain))
 

@@ -35,7 +35,8 @@ class Stiffening(Mechanism):
     def indentation_mm(self, trial: CellTrial, depth_mm: FloatArray, p: Values) -> FloatArray:
         """d (1 + b d), or d (d / D)^(p - 1)."""
         if p["exponent"] == 1.0:
-            return depth_mm * (1.0 + p["coefficient_per_mm"] * depth_mm)
+            # a power that was fitted may arrive at 1, where it has no curvature of the other form
+            return depth_mm * (1.0 + p.get("coefficient_per_mm", 0.0) * depth_mm)
         share = np.maximum(depth_mm, 0.0) / (0.5 * trial.study_depth_mm)
         # d^p = exp((p - 1) ln d) d, and 0 where nothing is pressed
         return np.where(share > 0.0, depth_mm * np.maximum(share, 1e-12) ** (p["exponent"] - 1.0), 0.0)

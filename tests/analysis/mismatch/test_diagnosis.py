@@ -70,7 +70,9 @@ def test_an_effect_is_named_and_measured_on_living_skin(
     assert report.verdict in ("named", "one_of")
     assert report.mechanisms[0].name == name
     assert report.mechanisms[0].parameters[parameter].value == pytest.approx(value, rel=within)
-    assert report.mechanisms[0].probability > 0.5
+    first = report.mechanisms[0]
+    # at one speed both frictions are alike, and so are a slip and a shift of a surface that is held
+    assert first.probability >= max([0.5, *first.alternative_probabilities.values()])
     assert report.heldout.improved_rms_mn < report.heldout.baseline_rms_mn
 
 

@@ -74,18 +74,12 @@ def search(account: Account) -> Named:
 def considered(account: Account) -> tuple[Rival, ...]:
     """Return the effects worth adding, refitted, best first; none where the best has not enough evidence.
 
-    What the slow noise hides is looked for only where nothing stands beside it: an effect that was taken for noise
-    hides itself, but slow noise may as well be taken for an effect.
+    All are weighed by the noise that the best of them leaves: an effect that was taken for noise hides itself.
     """
-    for base in (account, account.quick()):
-        found = _weighed(account, worth_trying(base, own_options(base)))
-        if found:
-            return found
-    return ()
-
-
-def _weighed(account: Account, options: list[Option]) -> tuple[Rival, ...]:
-    """Refit options and weigh them all by the noise that the best of them leaves."""
+    quick = account.quick()
+    options = worth_trying(quick, own_options(quick))
+    if quick is not account:
+        options += [o for o in worth_trying(account, []) if o.name not in {p.name for p in options}]
     tried = sorted(((o, *o.refit()) for o in options), key=lambda t: -t[2])
     if not tried or tried[0][2] < 0.5 * tried[0][0].enough:
         return ()

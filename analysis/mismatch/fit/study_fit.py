@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.mismatch.fit.noise import NoiseModel
-from analysis.mismatch.fit.own import OwnColumns, Projector, own_columns
+from analysis.mismatch.fit.own import ForceColumns, OwnColumns, Projector, force_columns, own_columns
 from analysis.mismatch.fit.trial_fit import ROUNDS, fit_trial, penalty
 from analysis.mismatch.fit.whitener import Whitener
 from analysis.mismatch.model.effects import Shared, TrialState, simulate
@@ -32,11 +32,16 @@ class StudyFit:
     population: Population
 
     @cached_property
+    def force_columns(self) -> tuple[ForceColumns, ...]:
+        """Each trial's own columns in mN, whatever its noise."""
+        return tuple(force_columns(t, s, self.shared) for t, s in zip(self.trials, self.states, strict=True))
+
+    @cached_property
     def own(self) -> tuple[OwnColumns, ...]:
-        """Each trial's own columns."""
+        """Each trial's own columns, weighed."""
         return tuple(
-            own_columns(t, w, s, self.shared, self.population)
-            for t, w, s in zip(self.trials, self.whiteners, self.states, strict=True)
+            own_columns(f, w, s, self.population)
+            for f, w, s in zip(self.force_columns, self.whiteners, self.states, strict=True)
         )
 
     @cached_property
@@ -91,7 +96,10 @@ class StudyFit:
 
     def weighed_by(self, noise: NoiseModel) -> StudyFit:
         """Return the fit with cells weighed by another noise."""
-        return replace(self, noise=noise, whiteners=tuple(Whitener(t, noise) for t in self.trials))
+        fit = replace(self, noise=noise, whiteners=tuple(Whitener(t, noise) for t in self.trials))
+        # the columns of the force are the same under any noise
+        fit.__dict__["force_columns"] = self.force_columns
+        return fit
 
 
 def tissue_likelihood(own: OwnColumns, state: TrialState) -> tuple[FloatArray, FloatArray]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.mismatch.fit.own import OwnColumns, moved, own_columns
+from analysis.mismatch.fit.own import OwnColumns, force_columns, moved, own_columns
 from analysis.mismatch.fit.whitener import Whitener
 from analysis.mismatch.model.effects import Shared, TrialState, simulate
 from analysis.mismatch.model.population import Population
@@ -53,7 +53,8 @@ def fit_trial(
     damping, old = 1e-6, own is not None
     for _ in range(rounds):
         if own is None:
-            own, old = own_columns(trial, whitener, state, shared, population), False
+            own = own_columns(force_columns(trial, state, shared), whitener, state, population)
+            old = False
         step = _step(trial, own, residual, own.pull_at(state, population), damping)
         tried = moved(state, trial, step)
         new, new_residual = cost_of(tried)

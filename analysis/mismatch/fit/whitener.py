@@ -11,6 +11,8 @@ from analysis.simulation.cells import CellTrial
 
 FloatArray = NDArray[np.float64]
 
+SMALL, LONG = 1e-3, 60.0
+
 
 class Whitener:
     """Turns columns over one trial's cells into columns whose noise is white with unit variance.
@@ -30,23 +32,23 @@ class Whitener:
             self._factor = None
             self.log_determinant = -2.0 * float(np.log(self._scale).sum())
             return
+        # the mean of a cell of width w, u = w/tau: its variance is 2 v (u - 1 + e^-u) / u^2, and two cells' covariance
+        # that between their centres times sinh(u/2) / (u/2) of each
         diagonal = noise.white_mn**2 / counts
-        shrink = np.zeros_like(diagonal)
         kernel: terms.Term | None = None
+        blurs = []
         for variance, tau_s in noise.parts:
-            # averaging over a cell leaves less of a quick part: var(mean) = 2 v (u - 1 + e^-u) / u^2
             u = width_s / tau_s
-            mean_variance = np.where(
-                u > 1e-3, 2 * variance * (u + np.expm1(-u)) / np.maximum(u, 1e-3) ** 2, variance
-            )
-            quick = u > 1.0
-            shrink += np.where(quick, mean_variance - variance, 0.0)
+            exact = 2 * variance * (u + np.expm1(-u)) / np.maximum(u, SMALL) ** 2
+            diagonal = diagonal + np.where(u > SMALL, exact, variance * (1.0 - u / 3.0))
+            # cells much longer than a part's time don't know of each other
+            blurs.append(np.where(u < LONG, np.sinh(0.5 * np.minimum(u, LONG)) / (0.5 * u), 0.0))
             term = terms.RealTerm(a=variance, c=1.0 / tau_s)
             kernel = term if kernel is None else kernel + term
-        # a part quicker than the cell is white from cell to cell; celerite's own share of it is taken back
-        diagonal = np.maximum(diagonal + shrink, 1e-3 * diagonal)
         assert kernel is not None  # there are parts
-        c, a, U, V = kernel.get_celerite_matrices(self._t, diagonal)
+        blur = np.column_stack(blurs)
+        c, _, U, V = kernel.get_celerite_matrices(self._t, diagonal)
+        a, U, V = diagonal, U * blur, V * blur
         d, W = driver.factor(self._t, c, a.copy(), U, V, np.empty_like(a), np.empty_like(V))
         if np.any(d <= 0):
             raise FloatingPointError("noise covariance is not positive")

@@ -58,7 +58,7 @@ def findings(named: Named, baseline: Account, lines: Sequence[Line]) -> tuple[Fi
         if mechanism is None:
             continue
         if len(account.names) > 1:
-            evidence = account.gain_over(account.without(name))[0]
+            evidence = account.gain_over(account.without(name).reweighed())[0]
         else:
             evidence = account.gain_over(baseline)[0]
         probability, alternatives = weighed(mechanism, named.rivals.get(name, ()), account.names)

@@ -21,7 +21,7 @@ def undo_step(account: Account) -> tuple[Account, tuple[Finding, ...]]:
     fit = replace(account.fit, shared=replace(account.fit.shared, ideal_step=False))
     ramp = Account(fit.with_population())
     anew = ramp.reweighed()
-    gain, _ = anew.gain_over(account.at_noise(anew.fit.noise))
+    gain, _ = anew.gain_over(account)
     if gain < ENOUGH_SHARED:
         return account, ()
     p = min(1.0, LOOKED_AT * float(np.exp(-min(gain, 700.0))))

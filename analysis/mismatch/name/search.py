@@ -32,12 +32,12 @@ TIMES_LOOKED_AT = 70
 
 @dataclass(frozen=True)
 class Option:
-    """An effect that might be added: name, linear evidence (nats), what is enough, how to refit it for what gain."""
+    """An effect that might be added: name, linear evidence (nats), what is enough, how to refit it."""
 
     name: str
     nats: float
     enough: float
-    refit: Callable[[], tuple[Account, float]]
+    refit: Callable[[], Account]
 
 
 @dataclass(frozen=True)
@@ -74,26 +74,19 @@ def search(account: Account) -> Named:
 def considered(account: Account) -> tuple[Rival, ...]:
     """Return the effects worth adding, refitted, best first; none where the best has not enough evidence.
 
-    All are weighed by the noise that the best of them leaves: an effect that was taken for noise hides itself.
+    Each is weighed with the noise that itself leaves: an effect that was taken for noise would hide itself.
     """
     quick = account.quick()
-    options = worth_trying(quick, own_options(quick))
+    options = worth_trying(account, own_options(account))
     if quick is not account:
-        options += [o for o in worth_trying(account, []) if o.name not in {p.name for p in options}]
-    tried = sorted(((o, *o.refit()) for o in options), key=lambda t: -t[2])
-    if not tried or tried[0][2] < 0.5 * tried[0][0].enough:
-        return ()
-    noise = tried[0][1].reweighed().fit.noise
-    before = account.at_noise(noise)
+        options += [o for o in worth_trying(quick, own_options(quick)) if o.name not in {p.name for p in options}]
     found: list[Rival] = []
-    for option, refitted, linear in tried:
-        if linear < CLOSE * tried[0][2] and found:
-            continue
-        anew = refitted.at_noise(noise)
-        gain, error = anew.gain_over(before)
+    for option in options:
+        refitted = option.refit().reweighed()
+        gain, error = refitted.gain_over(account)
         # a gain below its error is one trial's, at the cost of others
         if gain >= max(option.enough, error):
-            found.append(Rival(option.name, gain, error, anew))
+            found.append(Rival(option.name, gain, error, refitted))
     return tuple(sorted(found, key=lambda r: -r.gain))
 
 
@@ -108,7 +101,7 @@ def pruned(account: Account, newest: str) -> Account:
     for name in account.names:
         if name == newest:
             continue
-        without = account.without(name)
+        without = account.without(name).reweighed()
         if account.gain_over(without)[0] < (ENOUGH_OWN if name in account.steps else ENOUGH_SHARED):
             account = without
     return account
@@ -144,7 +137,7 @@ def law_options(account: Account) -> list[Option]:
         found.sort(reverse=True)
         starts = found[:1]
         for other in found[1:]:
-            if len(starts) < STARTS and all(abs(other[1] - f[1]) > 2 for f in starts):
+            if len(starts) < STARTS and all(abs(other[1] - f[1]) >= len(found) / STARTS for f in starts):
                 starts.append(other)
         options.append(Option(name, found[0][0], ENOUGH_SHARED, _law_refit(account, wanted, starts)))
     return options
@@ -152,12 +145,11 @@ def law_options(account: Account) -> list[Option]:
 
 def _law_refit(
     account: Account, wanted: list[Template], starts: list[tuple[float, int, float]]
-) -> Callable[[], tuple[Account, float]]:
-    def refit() -> tuple[Account, float]:
+) -> Callable[[], Account]:
+    def refit() -> Account:
         laws, exact = account.fit.shared.laws, account.exact
         tried = [exact.with_laws((*laws, wanted[k].as_law(c))) for _, k, c in starts]
-        best = max(tried, key=lambda a: float(a.evidence.sum()))
-        return best, best.gain_over(exact)[0]
+        return max(tried, key=lambda a: float(a.evidence.sum()))
 
     return refit
 
@@ -176,8 +168,8 @@ def own_options(account: Account) -> list[Option]:
     return options
 
 
-def _event_refit(account: Account, scan: EventScan) -> Callable[[], tuple[Account, float]]:
-    def refit() -> tuple[Account, float]:
+def _event_refit(account: Account, scan: EventScan) -> Callable[[], Account]:
+    def refit() -> Account:
         exact = account.exact
         # a time was chosen in every trial that has a step
         price = float(np.log(TIMES_LOOKED_AT)) * int((scan.probability > 0.5).sum())
@@ -187,16 +179,15 @@ def _event_refit(account: Account, scan: EventScan) -> Callable[[], tuple[Accoun
             steps=(*account.steps, scan.event.name),
             cost=account.cost + price,
         )
-        refitted = added.with_laws(account.fit.shared.laws)
-        return refitted, refitted.gain_over(exact)[0]
+        return added.with_laws(account.fit.shared.laws)
 
     return refit
 
 
 def _oscillation_refit(
     account: Account, scan: OscillationScan, name: str
-) -> Callable[[], tuple[Account, float]]:
-    def refit() -> tuple[Account, float]:
+) -> Callable[[], Account]:
+    def refit() -> Account:
         exact = account.exact
         added = replace(
             exact,
@@ -204,7 +195,6 @@ def _oscillation_refit(
             steps=(*account.steps, name),
             cost=account.cost + float(np.log(max(len(scan.grid_hz), 1))),
         )
-        refitted = added.with_laws(account.fit.shared.laws)
-        return refitted, refitted.gain_over(exact)[0]
+        return added.with_laws(account.fit.shared.laws)
 
     return refit

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from analysis.mismatch.diagnosis import Diagnosis
 from analysis.mismatch.fit.law_fit import fit_laws, law_columns, law_prior
-from analysis.mismatch.fit.own import Projector, own_columns
+from analysis.mismatch.fit.own import Projector, force_columns, own_columns
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.fit.whitener import Whitener
 from analysis.mismatch.locate.absorbed import SLIGHT, slight
@@ -133,7 +133,9 @@ def separation(
     for trial, plan in zip(cells, plans, strict=True):
         whitener = Whitener(trial, noise)
         state = _state_of(trial, plan, item.fitted)
-        own = own_columns(trial, whitener, state, item.fitted.shared, item.fitted.population)
+        own = own_columns(
+            force_columns(trial, state, item.fitted.shared), whitener, state, item.fitted.population
+        )
         projector = Projector(own, whitener)
         true = simulate(trial, _state_of(trial, plan, item.true), item.true.shared)
         difference = true - simulate(trial, state, item.fitted.shared)

@@ -58,8 +58,9 @@ def diagnose(intake: Intake, *, baseline: str = "ramp", seed: int = 0) -> Diagno
     before = replace(Account(fit).at_noise(named.account.fit.noise), steps=())
     found = (*ramp, *findings(named, before, lines))
     # confirm on trials that were not fitted, and look at what is left
-    unnamed = remainder_of(before)
-    remainder = remainder_of(named.account) if named.account.names else unnamed
+    nothing = Account(fit)
+    unnamed = remainder_of(nothing, nothing)
+    remainder = remainder_of(named.account, nothing) if named.account.names else unnamed
     return Diagnosis(
         intake=intake,
         baseline=before,

@@ -18,7 +18,7 @@ ENOUGH_UNKNOWN = 25.0
 CLOSE = 0.3
 """Share of the largest linear evidence from which an effect is refitted: linearised it is wrong by a factor of two."""
 
-REFITTED = 4
+REFITTED = 3
 """Effects refitted at each step and weighing of the noise; the linear order is rarely wrong by more than two places."""
 
 STARTS = 4
@@ -29,6 +29,9 @@ MOST_EFFECTS = 4
 
 INEXACT = 0.1
 """A law of the textbook is right to about a tenth of its size, in every trial and phase anew."""
+
+ROUGH = 0.3
+"""And at times to a third only: the recordings choose between exact, a tenth and this."""
 
 KEPT = 0.5
 """Share of all that is explainable which a named set must explain, or its names are those of something else."""

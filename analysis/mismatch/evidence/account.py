@@ -14,10 +14,9 @@ from analysis.mismatch.fit.gram import Grams, gram
 from analysis.mismatch.fit.law_fit import fit_laws, law_columns, law_prior
 from analysis.mismatch.fit.noise import NoiseModel
 from analysis.mismatch.fit.study_fit import StudyFit
-from analysis.mismatch.levels import INEXACT
+from analysis.mismatch.levels import INEXACT, ROUGH
 from analysis.mismatch.model.effects import Law, OwnShape, TrialState, simulate
 from analysis.recordings.trial import PHASE_NAMES
-from analysis.simulation.response import low_pass
 
 FloatArray = NDArray[np.float64]
 
@@ -34,14 +33,14 @@ SETTLES_S = (0.005, 0.05)
 class Account:
     """A fitted simulation; ``steps`` are the kinds of events and oscillations in it, ``cost`` (n,) their price in nats.
 
-    That price is what it takes to have looked for them at every time or frequency. ``inexact`` says that its laws are
-    allowed to be off by a tenth of their size.
+    That price is what it takes to have looked for them at every time or frequency. ``inexact`` is the share
+    of their size by which its laws may be off.
     """
 
     fit: StudyFit
     steps: tuple[str, ...] = ()
     cost: float = 0.0
-    inexact: bool = False
+    inexact: float = 0.0
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -50,15 +49,20 @@ class Account:
 
     @cached_property
     def grams(self) -> Grams:
-        """Products of the laws' own columns, and of what they may leave over in all trials alike."""
+        """Products of the laws' own columns, of what they may leave over in all trials alike, and of a delay."""
+        return gram(self.fit, *self.columns)
+
+    @cached_property
+    def columns(self) -> tuple[list[FloatArray], FloatArray]:
+        """By trial the columns (n, K) of `grams` in mN, the laws' parameters first, and their precision (K,)."""
         fit = self.fit
-        columns = [law_columns(t, s, fit.shared) for t, s in zip(fit.trials, fit.states, strict=True)]
+        parts = [[law_columns(t, s, fit.shared)] for t, s in zip(fit.trials, fit.states, strict=True)]
         precision = law_prior(fit.shared.laws)[0]
         if self.inexact:
-            left = inexact_columns(fit)
-            columns = [np.column_stack(both) for both in zip(columns, left, strict=True)]
-            precision = np.append(precision, np.full(left[0].shape[1], INEXACT**-2))
-        return gram(fit, columns, precision)
+            for part, left in zip(parts, inexact_columns(fit), strict=True):
+                part.append(left)
+            precision = np.append(precision, np.full(parts[0][-1].shape[1], self.inexact**-2))
+        return [np.column_stack(part) for part in parts], precision
 
     @cached_property
     def evidence(self) -> FloatArray:
@@ -111,15 +115,20 @@ class Account:
         exact = exact.at_noise(noise)
         if not exact.fit.shared.laws or len(exact.fit.trials) < FEWEST_HELD_OUT:
             return exact
-        rough = replace(exact, fit=with_inexactness(exact.fit), inexact=True).at_noise(noise)
-        return max(exact, rough, key=lambda a: float(a.evidence.sum()))
+        best = exact
+        for share in (INEXACT, ROUGH):
+            rough = replace(exact, fit=with_inexactness(exact.fit, share), inexact=share).at_noise(noise)
+            if rough.evidence.sum() <= best.evidence.sum():
+                break
+            best = rough
+        return best
 
     @property
     def exact(self) -> Account:
         """The account with its laws taken as exact."""
         kept = [[k for k, x in enumerate(s.shapes) if x.kind != INEXACT_KIND] for s in self.fit.states]
         states = tuple(_kept(s, k) for s, k in zip(self.fit.states, kept, strict=True))
-        return replace(self, fit=replace(self.fit, states=states), inexact=False)
+        return replace(self, fit=replace(self.fit, states=states), inexact=0.0)
 
     def at_noise(self, noise: NoiseModel) -> Account:
         """Return the account refitted with another noise."""
@@ -136,16 +145,16 @@ def _kept(state: TrialState, kept: list[int]) -> TrialState:
     return replace(state, shapes=tuple(state.shapes[k] for k in kept), coefficients=state.coefficients[kept])
 
 
-def with_inexactness(fit: StudyFit) -> StudyFit:
-    """Return the fit in which every law may be off by a tenth of its size, differently in every trial and phase."""
-    columns = inexact_columns(fit, timing=False)
+def with_inexactness(fit: StudyFit, share: float) -> StudyFit:
+    """Return the fit in which every law may be off by a share of its size, differently in every trial and phase."""
+    columns = inexact_columns(fit)
     names = [law.name for law in fit.shared.laws]
     states = []
     for own, state in zip(columns, fit.states, strict=True):
         kept = [k for k, shape in enumerate(state.shapes) if shape.kind != INEXACT_KIND]
         per_law = own.shape[1] // max(len(names), 1)
         added = [
-            OwnShape(names[k // per_law], "force", own[:, k], INEXACT**2, 0.0, INEXACT_KIND)
+            OwnShape(names[k // per_law], "force", own[:, k], share**2, 0.0, INEXACT_KIND)
             for k in range(own.shape[1])
             if np.any(own[:, k]) and k % per_law % PER_PHASE < SMOOTH
         ]
@@ -170,11 +179,10 @@ def law_effects(fit: StudyFit, j: int) -> list[FloatArray]:
     return found
 
 
-def inexact_columns(fit: StudyFit, *, timing: bool = True) -> list[FloatArray]:
+def inexact_columns(fit: StudyFit) -> list[FloatArray]:
     """Return, by trial, each law's effect times smooth functions over every phase (n, D); coefficients about 0.1.
 
-    What a law that is right to a tenth leaves over is expected there, and no evidence for another. Beside them
-    (``timing``) is what half a sample of delay between the channels does.
+    What a law that is right to a tenth leaves over is expected there, and no evidence for another.
     """
     found = []
     for j, trial in enumerate(fit.trials):
@@ -192,9 +200,5 @@ def inexact_columns(fit: StudyFit, *, timing: bool = True) -> list[FloatArray]:
                     if shows:
                         column[inside] = effect[inside] * shape
                     columns.append(column)
-        if timing:
-            half_s = 0.5 / trial.sample_rate_hz
-            force = fit.force_mn(j)
-            columns.append((low_pass(force, trial.steps, half_s) - force) / INEXACT)
         found.append(np.column_stack(columns) if columns else np.zeros((len(trial.time_s), 0)))
     return found

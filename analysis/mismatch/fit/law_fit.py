@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 
 from analysis.mismatch.fit.gram import gram
 from analysis.mismatch.fit.study_fit import StudyFit
-from analysis.mismatch.model.effects import TISSUE_SIZE, Law, Shared, TrialState, simulate
+from analysis.mismatch.model.effects import TISSUE_SIZE, Law, Shared, TrialState, delayed, simulate
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.mechanism import Parameter
 
 FloatArray = NDArray[np.float64]
 
+DELAY_SAMPLES = 1.0
+"""How well two channels are at one, samples: a sample or so of skew is no lag of the sensor."""
 STEP = 1e-3
 ROUNDS = 10
 DONE = 0.3
@@ -34,7 +36,7 @@ def parameter_scale(p: Parameter, value: float, typical: float) -> float:
 
 
 def law_columns(trial: CellTrial, state: TrialState, shared: Shared) -> FloatArray:
-    """Return the change of force (n, P) by every free parameter of the laws on the scale of its fit, mN."""
+    """Return the change of force (n, P) by every free parameter of the laws on the scale of its fit, and by delay, mN."""
     base = simulate(trial, state, shared)
     columns = []
     for at, law in enumerate(shared.laws):
@@ -50,7 +52,9 @@ def law_columns(trial: CellTrial, state: TrialState, shared: Shared) -> FloatArr
                 changed = with_value(shared, at, p, p.to_fit(law.values[p.name]) - h)
                 real = p.to_fit(changed.laws[at].values[p.name]) - p.to_fit(law.values[p.name])
             columns.append((simulate(trial, state, changed) - base) / (real or h))
-    return np.column_stack(columns) if columns else np.zeros((len(base), 0))
+    # what the channels' delay changes stands last
+    columns.append(delayed(trial, base))
+    return np.column_stack(columns)
 
 
 def with_value(shared: Shared, at: int, p: Parameter, fitted: float) -> Shared:
@@ -60,9 +64,10 @@ def with_value(shared: Shared, at: int, p: Parameter, fitted: float) -> Shared:
     return replace(shared, laws=tuple(laws))
 
 
-def vector(laws: Sequence[Law]) -> FloatArray:
-    """Return the free parameters of laws (P,) on the scale of their fit."""
-    return np.array([p.to_fit(law.values[p.name]) for law in laws for p in law.parameters])
+def vector(shared: Shared) -> FloatArray:
+    """Return the free parameters of laws and the delay (P,) on the scale of their fit."""
+    values = [p.to_fit(law.values[p.name]) for law in shared.laws for p in law.parameters]
+    return np.array([*values, shared.delay_samples])
 
 
 def at_vector(shared: Shared, values: FloatArray) -> Shared:
@@ -72,7 +77,7 @@ def at_vector(shared: Shared, values: FloatArray) -> Shared:
         for p in law.parameters:
             shared = with_value(shared, at, p, float(values[k]))
             k += 1
-    return shared
+    return replace(shared, delay_samples=float(values[k]))
 
 
 def law_prior(laws: Sequence[Law]) -> tuple[FloatArray, FloatArray]:
@@ -88,18 +93,18 @@ def law_prior(laws: Sequence[Law]) -> tuple[FloatArray, FloatArray]:
                 middle, spread = p.to_fit(law.values[p.name]), 3.0
             precision.append(1.0 / spread**2)
             centre.append(middle)
-    return np.array(precision), np.array(centre)
+    return np.array([*precision, DELAY_SAMPLES**-2]), np.array([*centre, 0.0])
 
 
 def fit_laws(fit: StudyFit, rounds: int = ROUNDS) -> StudyFit:
     """Return the fit with its laws' free parameters, the population's mean and all own parameters at their best."""
     precision, centre = law_prior(fit.shared.laws)
     P = len(precision)
-    if P == 0:
+    if not fit.shared.laws:
         return fit.with_states()
 
     def cost(f: StudyFit) -> float:
-        return f.cost + float(precision @ (vector(f.shared.laws) - centre) ** 2)
+        return f.cost + float(precision @ (vector(f.shared) - centre) ** 2)
 
     fit = fit.with_states(rounds=8)
     now = cost(fit)
@@ -111,7 +116,7 @@ def fit_laws(fit: StudyFit, rounds: int = ROUNDS) -> StudyFit:
         N = grams.total()
         size = TISSUE_SIZE + P
         A, b = N[:size, :size].copy(), N[:size, -1].copy()
-        values = vector(fit.shared.laws)
+        values = vector(fit.shared)
         A[TISSUE_SIZE:, TISSUE_SIZE:] += np.diag(precision)
         b[TISSUE_SIZE:] += precision * (centre - values)
         scale = np.sqrt(np.maximum(np.diag(A), 1e-30))
@@ -135,14 +140,14 @@ def fit_laws(fit: StudyFit, rounds: int = ROUNDS) -> StudyFit:
 
 def _limited(laws: Sequence[Law], step: FloatArray) -> FloatArray:
     scales = [p.scale for law in laws for p in law.parameters]
-    largest = np.where([s == "log" for s in scales], LARGEST_LOG_STEP, np.inf)
+    largest = np.where([*(s == "log" for s in scales), False], LARGEST_LOG_STEP, np.inf)
     return np.clip(step, -largest, largest)
 
 
 def _stepped(fit: StudyFit, step: FloatArray) -> StudyFit:
     """Return the fit with its shared parameters moved by a step, own parameters following."""
     mean = fit.population.mean + step[:TISSUE_SIZE]
-    shared = at_vector(fit.shared, vector(fit.shared.laws) + step[TISSUE_SIZE:])
+    shared = at_vector(fit.shared, vector(fit.shared) + step[TISSUE_SIZE:])
     states = tuple(
         replace(s, log_tissue=s.log_tissue + step[:TISSUE_SIZE]) if s.has_tissue else s for s in fit.states
     )

@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.mismatch.evidence.account import Account, inexact_columns
-from analysis.mismatch.fit.law_fit import law_columns, law_prior
+from analysis.mismatch.evidence.account import Account
+from analysis.mismatch.fit.noise import NoiseModel
+from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import ENOUGH_UNKNOWN, INEXACT
-from analysis.mismatch.locate.windows import common_evidence, own_evidence
+from analysis.mismatch.locate.windows import CommonShape, common_shape, own_evidence
 
 
 @dataclass(frozen=True)
 class Remainder:
-    """Evidence in nats for a shape that all trials have in common, and for windows that differ from trial to trial."""
+    """Evidence in nats for a shape that all trials have in common, and for windows that differ from trial to trial.
+
+    ``share`` is what part of everything beyond the noise it is, weighed by the noise that is left beside it.
+    """
 
     common: float
     own: float
+    share: float
 
     @property
     def evidence(self) -> float:
@@ -30,13 +35,44 @@ class Remainder:
         return self.evidence > ENOUGH_UNKNOWN
 
 
-def remainder_of(account: Account) -> Remainder:
-    """Weigh what an account leaves, beside what its laws may leave as they are right to a tenth."""
-    fit = account.fit
-    precision = law_prior(fit.shared.laws)[0]
-    present = [
-        np.column_stack([law_columns(t, s, fit.shared), inexact])
-        for t, s, inexact in zip(fit.trials, fit.states, inexact_columns(fit), strict=True)
-    ]
-    spare = np.full(present[0].shape[1] - len(precision), INEXACT**-2)
-    return Remainder(common_evidence(fit, present, np.concatenate([precision, spare])), own_evidence(fit)[0])
+def remainder_of(account: Account, nothing: Account) -> Remainder:
+    """Weigh what an account leaves, beside what its laws may leave as they are right to a tenth.
+
+    A shape is weighed as an effect is, by the noise that is left with it: a slow one would pass for noise.
+    ``nothing`` is the account without effects, at any noise.
+    """
+    best = _common(account, account.fit.noise, nothing)
+    quick = account.quick()
+    if quick is not account:
+        # the shape is looked for where no slow noise is granted; what is left without it is the noise beside it
+        beside = replace(account, fit=_without(account, _shape(quick)))
+        best = max(best, _common(account, beside.reweighed().fit.noise, nothing), key=lambda r: r.common)
+    return best
+
+
+def _shape(account: Account) -> CommonShape:
+    columns, precision = replace(account, inexact=account.inexact or INEXACT).columns
+    return common_shape(account.fit, columns, precision)
+
+
+def _without(account: Account, shape: CommonShape) -> StudyFit:
+    """Return the fit to trials from whose force a shape was taken."""
+    trials = []
+    for trial, force in zip(account.fit.trials, shape.force_mn, strict=True):
+        time_s = np.arange(len(trial.full_force_mn)) / trial.sample_rate_hz
+        full = trial.full_force_mn - np.interp(time_s, trial.time_s, force)
+        trials.append(
+            replace(trial, force_mn=trial.force_mn - force, full_force_mn=full.astype(np.float32))
+        )
+    return replace(account.fit, trials=tuple(trials))
+
+
+def _common(account: Account, noise: NoiseModel, nothing: Account) -> Remainder:
+    """Weigh the remainder by a noise, its gain over the account at the account's own."""
+    here = account if noise == account.fit.noise else account.at_noise(noise)
+    left = _shape(here).gain
+    own = own_evidence(here.fit)[0]
+    explained = max(here.gain_over(nothing.at_noise(noise))[0], 0.0)
+    lost = here.gain_over(account)[0]
+    beyond = max(left, own, 0.0)
+    return Remainder(left + lost, own + lost, beyond / max(beyond + explained, 1e-12))

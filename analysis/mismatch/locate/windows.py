@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from analysis.mismatch.evidence.heldout import heldout_deviance
-from analysis.mismatch.fit.gram import gram
+from analysis.mismatch.fit.gram import gram, solve
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.model.effects import TISSUE_SIZE
 from analysis.recordings.trial import PHASE_NAMES
@@ -73,28 +73,38 @@ def window_columns(trial: CellTrial) -> FloatArray:
     return columns
 
 
-def common_evidence(fit: StudyFit, present: Sequence[FloatArray], ridge: FloatArray) -> float:
-    """Return the gain in nats, held out, of a shape that all trials have in common, whatever it is.
+@dataclass(frozen=True)
+class CommonShape:
+    """A shape that all trials have in common: its gain in nats, held out, and by trial what it adds (n_j,) mN."""
+
+    gain: float
+    force_mn: tuple[FloatArray, ...]
+
+
+def common_shape(fit: StudyFit, present: Sequence[FloatArray], precision: FloatArray) -> CommonShape:
+    """Return the shape that trials have in common beside what is present, whatever it is.
 
     Every window has a height that is the same in all trials, and one that grows with depth. ``present`` (n_j, P) are
-    columns that are there anyway, ``ridge`` (P,) their precision.
+    columns that are there anyway, ``precision`` (P,) what is known of them.
     """
-    columns = []
-    for trial, own in zip(fit.trials, present, strict=True):
+    shapes = []
+    for trial in fit.trials:
         windows = window_columns(trial)
-        columns.append(np.column_stack([own, windows, windows * (trial.depth_mm / trial.study_depth_mm)]))
+        shapes.append(np.hstack([windows, windows * (trial.depth_mm / trial.study_depth_mm)]))
+    columns = [np.column_stack(both) for both in zip(present, shapes, strict=True)]
     P, W = present[0].shape[1], 2 * len(PLACES)
-    norm = gram(fit, columns, np.concatenate([ridge, np.ones(W)]))
-    of_windows = np.diag(norm.total())[TISSUE_SIZE + P : TISSUE_SIZE + P + W]
+    norm = gram(fit, columns, np.concatenate([precision, np.ones(W)]))
+    total = norm.total()
+    of_windows = np.diag(total)[TISSUE_SIZE + P : TISSUE_SIZE + P + W]
     typical = float(np.median(of_windows[of_windows > 0]))
     before = heldout_deviance(norm, range(P))
-    best = -np.inf
+    best, heights = -np.inf, np.zeros(W)
     for size in SIZES:
-        heights = np.full(W, typical / size)
-        grams = replace(norm, ridge=np.concatenate([np.zeros(TISSUE_SIZE), ridge, heights, [0.0]]))
-        gain = 0.5 * float((before - heldout_deviance(grams, range(P + W))).sum())
-        best = max(best, gain)
-    return best
+        ridge = np.concatenate([np.zeros(TISSUE_SIZE), precision, np.full(W, typical / size), [0.0]])
+        gain = 0.5 * float((before - heldout_deviance(replace(norm, ridge=ridge), range(P + W))).sum())
+        if gain > best:
+            best, heights = gain, solve(total, ridge, range(TISSUE_SIZE + P + W))[0][-W:]
+    return CommonShape(best, tuple(s @ heights for s in shapes))
 
 
 def own_evidence(fit: StudyFit) -> tuple[float, FloatArray]:

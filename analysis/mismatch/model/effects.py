@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.forward import RIGID_STIFFNESS_MN_PER_MM, PerTrial, simulate_force
 from analysis.simulation.mechanism import Mechanism, Parameter, Tissue, Values
+from analysis.simulation.response import low_pass
 
 FloatArray = NDArray[np.float64]
 Acts = Literal["surface", "share", "force"]
@@ -90,11 +91,20 @@ class TrialState:
 
 @dataclass(frozen=True)
 class Shared:
-    """What all trials share: the laws that were added, the stiffness of a block, the textbook's ideal step."""
+    """What all trials share: the laws that were added, the stiffness of a block, the textbook's ideal step.
+
+    ``delay_samples`` is how much later than the position the force is sampled: two converters are never quite at one.
+    """
 
     laws: tuple[Law, ...] = ()
     rigid_stiffness: float = 2.0 * RIGID_STIFFNESS_MN_PER_MM
     ideal_step: bool = False
+    delay_samples: float = 0.0
+
+
+def delayed(trial: CellTrial, force_mn: FloatArray) -> FloatArray:
+    """Return what a sample of delay between the channels adds to a force (n,), mN."""
+    return low_pass(force_mn, trial.steps, 1.0 / trial.sample_rate_hz) - force_mn
 
 
 def simulate(trial: CellTrial, state: TrialState, shared: Shared) -> FloatArray:
@@ -109,7 +119,7 @@ def simulate(trial: CellTrial, state: TrialState, shared: Shared) -> FloatArray:
             lost = lost + c * s.shape
         else:
             force = force + c * s.shape
-    return force + simulate_force(
+    simulated = simulate_force(
         trial,
         state.tissue,
         PerTrial(state.z0_mm, state.offset_mn),
@@ -119,3 +129,6 @@ def simulate(trial: CellTrial, state: TrialState, shared: Shared) -> FloatArray:
         lost_share=lost,
         ideal_step=shared.ideal_step,
     )
+    if shared.delay_samples:
+        simulated = simulated + shared.delay_samples * delayed(trial, simulated)
+    return force + simulated

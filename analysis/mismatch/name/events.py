@@ -10,12 +10,16 @@ from numpy.typing import NDArray
 from scipy.special import log_ndtr, logsumexp
 
 from analysis.mismatch.fit.study_fit import StudyFit
-from analysis.mismatch.model.effects import Acts, OwnShape, simulate
+from analysis.mismatch.model.effects import Acts, OwnShape, TrialState, simulate
 from analysis.simulation.cells import CellTrial
 
 FloatArray = NDArray[np.float64]
 
 MOST_TIMES = 70
+SLIPS_S, SHIFTS_S = (0.004, 0.012), (0.012, 0.004, 0.04, 0.12)
+"""How long a step may take: a slip is over within milliseconds, skin is soft."""
+STRETCH = 1.5
+"""The ratio of neighbouring rises, at most: what lies between them is left to a shape of its own."""
 SHARES = np.array([0.1, 0.2, 0.35, 0.5, 0.7, 0.9, 0.999])
 SIZES = np.geomspace(3.0, 3e4, 17)
 """Sizes of a step, in noise standard deviations of a typical trial."""
@@ -41,8 +45,8 @@ class Event:
 
 
 EVENTS = (
-    Event("slip", True, 1.0, (("share", 0.004),), ("hold",)),
-    Event("motion_artefact", False, 1e-3, (("surface", 0.004), ("surface", 0.02)), ("dwell", "hold")),
+    Event("slip", True, 1.0, tuple((a, r) for a in ("share", "surface") for r in SLIPS_S), ("hold",)),
+    Event("motion_artefact", False, 1e-3, tuple(("surface", r) for r in SHIFTS_S), ("dwell", "hold")),
 )
 SETTLES_S = (0.03, 0.5, 3.0)
 CREEP = "creep"
@@ -100,14 +104,18 @@ def candidate_times(trial: CellTrial, phases: Sequence[str]) -> FloatArray:
     return np.array(times)
 
 
-def one_unit(acts: Acts, trial: CellTrial, force_mn: FloatArray) -> float:
+def one_unit(event: Event, acts: Acts, trial: CellTrial, state: TrialState, force_mn: FloatArray) -> float:
     """Return what a unit of an event is in that of its shape.
 
-    A drop (mN) that is a share is one of the hold's force.
+    A drop (mN) is lost for good as a share of the hold's force, or given up by the surface, and then the tissue
+    relaxes towards what it was, as after any other step.
     """
     if acts == "share":
         held = force_mn[trial.in_phase("hold")]
         return 1.0 / max(float(np.median(held)), 1e-9)
+    if event.one_sided:
+        s = state.tissue
+        return -1.0 / float(s.k0 + s.k1 + s.k2)
     return 1.0
 
 
@@ -121,33 +129,33 @@ def scan_events(fit: StudyFit, events: Sequence[Event] = EVENTS) -> list[EventSc
             if not len(times):
                 per_trial[event.name].append((times, times, times))  # nothing pressed
                 continue
-            tried = [_refined(fit, j, event, times, form) for form in range(len(event.forms))]
-            per_trial[event.name].append(
-                (
-                    np.hstack([places for places, _, _ in tried]),
-                    np.hstack([a for _, a, _ in tried]),
-                    np.concatenate([c for _, _, c in tried]),
-                )
-            )
+            per_trial[event.name].append(_refined(fit, j, event, times))
     return [_weigh(e, per_trial[e.name]) for e in events]
 
 
 def _refined(
-    fit: StudyFit, j: int, event: Event, times: FloatArray, form: int
+    fit: StudyFit, j: int, event: Event, times: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return places (2, G: time and form), norms and weights (2, G), scores (G,), more densely about the best."""
-    a, c = _scores(fit, j, event, times, form)
+    """Return places (2, G: time and form), norms and weights (2, G), scores (G,), more densely about the best.
+
+    All times are looked at with the first form, the others about the best time.
+    """
+    places = np.vstack([times, np.zeros(len(times))])
+    a, c = _scores(fit, j, event, times, 0)
     gap = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
     weight = np.ones(len(times))
     promising = float(np.max(c**2 / np.maximum(a, 1e-12))) > PROMISING
     for width in FINER if promising else ():
-        best = times[np.argsort(-(c**2) / np.maximum(a, 1e-12))[: REFINED if width > 0.1 else 1]]
-        fine = np.unique(np.concatenate([b + gap * width * np.linspace(-1.0, 1.0, 6) for b in best]))
-        fine_a, fine_c = _scores(fit, j, event, fine, form)
-        # a fine time stands for a smaller part of the trial than a coarse one
-        weight = np.concatenate([weight, np.full(len(fine), 0.3 * width)])
-        times, a, c = np.concatenate([times, fine]), np.concatenate([a, fine_a]), np.concatenate([c, fine_c])
-    return np.vstack([times, np.full(len(times), form)]), np.vstack([a, weight]), c
+        best = places[:, np.argsort(-(c**2) / np.maximum(a, 1e-12))[: REFINED if width > 0.1 else 1]]
+        forms = range(len(event.forms)) if width > FINER[-2] else np.unique(best[1].astype(int))
+        fine = np.unique(np.concatenate([b + gap * width * np.linspace(-1.0, 1.0, 6) for b in best[0]]))
+        for form in forms:
+            fine_a, fine_c = _scores(fit, j, event, fine, form)
+            places = np.hstack([places, np.vstack([fine, np.full(len(fine), form)])])
+            # a fine time stands for a smaller part of the trial than a coarse one
+            weight = np.concatenate([weight, np.full(len(fine), 0.3 * width / len(event.forms))])
+            a, c = np.concatenate([a, fine_a]), np.concatenate([c, fine_c])
+    return places, np.vstack([a, weight]), c
 
 
 def _scores(
@@ -158,7 +166,7 @@ def _scores(
     base = simulate(trial, state, fit.shared)
     columns = np.empty((len(base), len(times)))
     acts, rise_s = event.forms[form]
-    unit = one_unit(acts, trial, base - state.offset_mn)
+    unit = one_unit(event, acts, trial, state, base - state.offset_mn)
     for k, time_s in enumerate(times):
         shape = OwnShape(
             event.name,
@@ -238,7 +246,7 @@ def with_events(fit: StudyFit, scan: EventScan) -> StudyFit:
             states.append(state)
             continue
         time_s, (acts, rise_s) = float(scan.times_s[j]), scan.event.forms[int(scan.forms[j])]
-        unit = one_unit(acts, trial, fit.force_mn(j) - state.offset_mn)
+        unit = one_unit(scan.event, acts, trial, state, fit.force_mn(j) - state.offset_mn)
         size = max(scan.size, abs(float(scan.coefficients[j])))
         step = step_shape(trial, time_s, rise_s) * unit
         since = np.maximum(trial.time_s - time_s, 0.0)
@@ -250,5 +258,7 @@ def with_events(fit: StudyFit, scan: EventScan) -> StudyFit:
             for t in SETTLES_S
         ]
         shapes.append(OwnShape(name, acts, jitter, (JITTER_S * size) ** 2, time_s, CREEP))
+        longer = (step_shape(trial, time_s, rise_s * STRETCH) - step_shape(trial, time_s, rise_s / STRETCH)) * unit
+        shapes.append(OwnShape(name, acts, longer, size**2, time_s, CREEP))
         states.append(state.with_shapes(shapes, float(scan.coefficients[j])))
     return replace(fit, states=tuple(states))

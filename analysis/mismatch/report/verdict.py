@@ -71,9 +71,8 @@ def kept_findings(diagnosis: Diagnosis) -> tuple[Finding, ...]:
     Where more is left than they explain they are the nearest laws to something else, and their names would mislead.
     """
     stand = tuple(f for f in diagnosis.findings if not f.at_bound)
-    explained = sum(f.evidence for f in stand)
-    left = diagnosis.remainder.evidence if diagnosis.remainder.significant else 0.0
-    return stand if explained > 0 and explained >= KEPT * (explained + left) else ()
+    left = diagnosis.remainder.share if diagnosis.remainder.significant else 0.0
+    return stand if 1.0 - left >= KEPT else ()
 
 
 def _verdict(
@@ -114,10 +113,8 @@ def _remainder(diagnosis: Diagnosis) -> Remainder | None:
     """Return what is significant after everything found: its share in all evidence, and the largest window's rms."""
     if not diagnosis.remainder.significant:
         return None
-    left = diagnosis.remainder.evidence
-    whole = left + sum(f.evidence for f in diagnosis.findings)
     where = force_windows(diagnosis.left)
-    return Remainder(left / whole, max((w.rms_mn or 0.0 for w in where), default=0.0), where)
+    return Remainder(diagnosis.remainder.share, max((w.rms_mn or 0.0 for w in where), default=0.0), where)
 
 
 def _mechanisms(diagnosis: Diagnosis, kept: Sequence[Finding]) -> tuple[FoundMechanism, ...]:
@@ -198,9 +195,8 @@ def _comparison(diagnosis: Diagnosis, *, named: bool) -> Comparison:
 
 def _explained_share(diagnosis: Diagnosis) -> float:
     """Return what share of the evidence for any mismatch is explained, mean of the channels in which there is one."""
-    explained = sum(max(f.evidence, 0.0) for f in diagnosis.findings)
-    left = diagnosis.remainder.evidence if diagnosis.remainder.significant else 0.0
-    shares = [explained / (explained + left)] if explained + left > 0 else []
+    left = diagnosis.remainder.share if diagnosis.remainder.significant else 0.0
+    shares = [1.0 - left] if diagnosis.findings or left else []
     position = diagnosis.position
     if position is not None and (servo_named(diagnosis) or len(position.unknown_bins)):
         shares.append(min(position.explained, 1.0) if servo_named(diagnosis) else 0.0)

@@ -1,0 +1,44 @@
+"""What a law changes once a trial's own parameters have followed it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.mismatch.fit.own import moved
+from analysis.mismatch.fit.study_fit import StudyFit
+from analysis.mismatch.model.dictionary import Template, template_columns
+from analysis.mismatch.model.effects import simulate
+
+FloatArray = NDArray[np.float64]
+
+STEPS = 2
+
+
+def settled_columns(fit: StudyFit, j: int, wanted: Sequence[Template]) -> FloatArray:
+    """Return the change of force (n, K) by each template in the j-th trial, its own parameters moved to undo it, mN.
+
+    A law that moves the surface by microns moves the kink of first contact, which is linear in nothing: the contact
+    point must follow before a linear share is taken.
+    """
+    trial, state, own = fit.trials[j], fit.states[j], fit.own[j]
+    base = simulate(trial, state, fit.shared)
+    columns = template_columns(trial, state, fit.shared, wanted)
+    H = own.information
+    for k, template in enumerate(wanted):
+        if not np.any(columns[:, k]):
+            continue
+        shared = replace(fit.shared, laws=(*fit.shared.laws, template.as_law(1.0)))
+        there, before = state, float(np.sum(fit.whiteners[j](columns[:, k]) ** 2))
+        for _ in range(STEPS):
+            step = np.linalg.solve(H, own.columns.T @ fit.whiteners[j](columns[:, k]))
+            there = moved(there, trial, -np.asarray(step, dtype=np.float64))
+            followed = simulate(trial, there, shared) - base
+            left = float(np.sum(fit.whiteners[j](followed) ** 2))
+            if not left < before:
+                break
+            columns[:, k], before = followed, left
+    return columns

@@ -10,7 +10,7 @@ from analysis.mismatch.confirm.heldout import HeldOut, confirm
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.locate.absorbed import Absorbed, find_absorbed
-from analysis.mismatch.locate.located import Located, locate
+from analysis.mismatch.locate.located import Located, locate, where_bursts
 from analysis.mismatch.locate.position_channel import PositionFinding, look_at_position
 from analysis.mismatch.locate.remainder import Remainder, remainder_of
 from analysis.mismatch.name.finding import Finding, findings
@@ -67,8 +67,8 @@ def diagnose(intake: Intake, *, baseline: str = "ramp", seed: int = 0) -> Diagno
         named=named,
         findings=found,
         lines=lines,
-        located=locate(before.fit, rng, all_of_them=bool(found)),
-        left=locate(named.account.fit, rng),
+        located=(*locate(before.fit, rng, all_of_them=bool(found)), *where_bursts(unnamed.bursts)),
+        left=(*locate(named.account.fit, rng), *where_bursts(remainder.bursts)),
         unnamed=unnamed,
         remainder=remainder,
         absorbed=find_absorbed(named.account.fit),

@@ -33,6 +33,9 @@ INEXACT = 0.1
 ROUGH = 0.3
 """And at times to a third only: the recordings choose between exact, a tenth and this."""
 
+STRETCHED = 4.0
+"""Standard deviations from the textbook beyond which an inner parameter makes a law another one."""
+
 KEPT = 0.5
 """Share of all that is explainable which a named set must explain, or its names are those of something else."""
 

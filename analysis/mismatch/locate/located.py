@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from analysis.mismatch.evidence.signflip import flip_test
 from analysis.mismatch.fit.study_fit import StudyFit
-from analysis.mismatch.levels import FEW_TRIALS, LEVEL
+from analysis.mismatch.levels import ENOUGH_UNKNOWN, FEW_TRIALS, LEVEL
+from analysis.mismatch.locate.transients import Bursts
 from analysis.mismatch.locate.windows import PLACES, own_evidence, window_columns
 
 FloatArray = NDArray[np.float64]
@@ -86,6 +87,14 @@ def locate(fit: StudyFit, rng: np.random.Generator, *, all_of_them: bool = False
             )
         )
     return tuple(sorted(found, key=lambda w: -w.share))
+
+
+def where_bursts(bursts: Bursts) -> tuple[Located, ...]:
+    """Return where bursts lie, if there are any: about the largest."""
+    if not bursts.phase or bursts.evidence <= ENOUGH_UNKNOWN:
+        return ()
+    at, p = bursts.at_s, float(np.exp(-min(bursts.evidence, 700.0)))
+    return (Located(bursts.phase, at, at, 0.0, bursts.rms_mn, p, 1.0, common=False, with_depth=False),)
 
 
 def _energies(fit: StudyFit, columns: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -10,12 +10,14 @@ from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.noise import NoiseModel
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import ENOUGH_UNKNOWN, INEXACT
+from analysis.mismatch.locate.quiet import out_of_contact
+from analysis.mismatch.locate.transients import NO_BURSTS, Bursts, find_bursts
 from analysis.mismatch.locate.windows import CommonShape, common_shape, own_evidence
 
 
 @dataclass(frozen=True)
 class Remainder:
-    """Evidence in nats for a shape that all trials have in common, and for windows that differ from trial to trial.
+    """Evidence in nats for a shape that all trials have in common, for what differs from trial to trial, for bursts.
 
     ``share`` is what part of everything beyond the noise it is, weighed by the noise that is left beside it.
     """
@@ -23,11 +25,12 @@ class Remainder:
     common: float
     own: float
     share: float
+    bursts: Bursts
 
     @property
     def evidence(self) -> float:
         """Evidence for whatever it is."""
-        return max(self.common, self.own, 0.0)
+        return max(self.common, self.own, self.bursts.evidence, 0.0)
 
     @property
     def significant(self) -> bool:
@@ -38,16 +41,27 @@ class Remainder:
 def remainder_of(account: Account, nothing: Account) -> Remainder:
     """Weigh what an account leaves, beside what its laws may leave as they are right to a tenth.
 
-    A shape is weighed as an effect is, by the noise that is left with it: a slow one would pass for noise.
+    A shape is weighed as an effect is, by the noise that is left with it: a slow one would pass for noise. So would
+    what wanders in contact alone; it is told by the parts of a trial out of contact.
     ``nothing`` is the account without effects, at any noise.
     """
     best = _common(account, account.fit.noise, nothing)
+    quiet = out_of_contact(account.fit)
+    if quiet.gain > best.own:
+        there = account.at_noise(quiet.noise)
+        wander = account.gain_over(there)[0]
+        explained = max(there.gain_over(nothing.at_noise(quiet.noise))[0], 0.0)
+        best = replace(best, own=quiet.gain, share=max(wander, 0.0) / max(wander + explained, 1e-12))
     quick = account.quick()
     if quick is not account:
         # the shape is looked for where no slow noise is granted; what is left without it is the noise beside it
         beside = replace(account, fit=_without(account, _shape(quick)))
-        best = max(best, _common(account, beside.reweighed().fit.noise, nothing), key=lambda r: r.common)
-    return best
+        best = max(best, _common(account, beside.reweighed().fit.noise, nothing), key=lambda r: r.evidence)
+    bursts = find_bursts(account.fit)
+    if bursts.evidence > best.evidence:
+        explained = max(account.gain_over(nothing)[0], 0.0)
+        best = replace(best, share=bursts.evidence / (bursts.evidence + explained))
+    return replace(best, bursts=bursts)
 
 
 def _shape(account: Account) -> CommonShape:
@@ -61,9 +75,7 @@ def _without(account: Account, shape: CommonShape) -> StudyFit:
     for trial, force in zip(account.fit.trials, shape.force_mn, strict=True):
         time_s = np.arange(len(trial.full_force_mn)) / trial.sample_rate_hz
         full = trial.full_force_mn - np.interp(time_s, trial.time_s, force)
-        trials.append(
-            replace(trial, force_mn=trial.force_mn - force, full_force_mn=full.astype(np.float32))
-        )
+        trials.append(replace(trial, force_mn=trial.force_mn - force, full_force_mn=full.astype(np.float32)))
     return replace(account.fit, trials=tuple(trials))
 
 
@@ -75,4 +87,4 @@ def _common(account: Account, noise: NoiseModel, nothing: Account) -> Remainder:
     explained = max(here.gain_over(nothing.at_noise(noise))[0], 0.0)
     lost = here.gain_over(account)[0]
     beyond = max(left, own, 0.0)
-    return Remainder(left + lost, own + lost, beyond / max(beyond + explained, 1e-12))
+    return Remainder(left + lost, own + lost, beyond / max(beyond + explained, 1e-12), NO_BURSTS)

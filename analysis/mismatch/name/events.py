@@ -31,6 +31,8 @@ PROMISING = 12.0
 FINER = (0.8, 0.2, 0.05, 0.012)
 """Widths, in gaps between times, of the looks that are taken about the best."""
 JITTER_S = 3e-4
+AFTER = 0.03
+"""Share of a phase that must follow a step."""
 
 
 @dataclass(frozen=True)
@@ -86,12 +88,16 @@ def step_shape(trial: CellTrial, time_s: float, rise_s: float) -> FloatArray:
 
 
 def candidate_times(trial: CellTrial, phases: Sequence[str]) -> FloatArray:
-    """Return times at rest in contact where a step may lie, evenly spread, no finer than the cells."""
+    """Return times at rest in contact where a step may lie, evenly spread, no finer than the cells.
+
+    A step must be seen to stay: at the very end of a phase it is one of the motion that follows.
+    """
     found = []
     for name in phases:
         cells = np.flatnonzero(trial.in_phase(name))
         if len(cells) > 4:
-            found.append(trial.time_s[cells[2:-2]])
+            inside = trial.time_s[cells[2:-2]]
+            found.append(inside[inside < inside[-1] - AFTER * (inside[-1] - inside[0])])
     if not found:
         return np.zeros(0)
     every = np.concatenate(found)
@@ -149,6 +155,7 @@ def _refined(
         best = places[:, np.argsort(-(c**2) / np.maximum(a, 1e-12))[: REFINED if width > 0.1 else 1]]
         forms = range(len(event.forms)) if width > FINER[-2] else np.unique(best[1].astype(int))
         fine = np.unique(np.concatenate([b + gap * width * np.linspace(-1.0, 1.0, 6) for b in best[0]]))
+        fine = np.clip(fine, times[0], times[-1])
         for form in forms:
             fine_a, fine_c = _scores(fit, j, event, fine, form)
             places = np.hstack([places, np.vstack([fine, np.full(len(fine), form)])])
@@ -258,7 +265,9 @@ def with_events(fit: StudyFit, scan: EventScan) -> StudyFit:
             for t in SETTLES_S
         ]
         shapes.append(OwnShape(name, acts, jitter, (JITTER_S * size) ** 2, time_s, CREEP))
-        longer = (step_shape(trial, time_s, rise_s * STRETCH) - step_shape(trial, time_s, rise_s / STRETCH)) * unit
+        longer = (
+            step_shape(trial, time_s, rise_s * STRETCH) - step_shape(trial, time_s, rise_s / STRETCH)
+        ) * unit
         shapes.append(OwnShape(name, acts, longer, size**2, time_s, CREEP))
         states.append(state.with_shapes(shapes, float(scan.coefficients[j])))
     return replace(fit, states=tuple(states))

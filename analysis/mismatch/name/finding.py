@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.gram import solve
-from analysis.mismatch.levels import INEXACT, TEMPER, TWO_ERRORS, WORTH_NAMING
-from analysis.mismatch.model.effects import TISSUE_SIZE, Law
+from analysis.mismatch.fit.law_fit import law_prior, vector
+from analysis.mismatch.levels import INEXACT, STRETCHED, TEMPER, TWO_ERRORS, WORTH_NAMING
+from analysis.mismatch.model.effects import TISSUE_SIZE, Law, Shared
 from analysis.mismatch.name.lines import Line
 from analysis.mismatch.name.search import Named, Rival
 from analysis.simulation.mechanism import Mechanism, library
@@ -121,7 +122,16 @@ def weighed(
 
 
 def at_bound(law: Law) -> bool:
-    """Whether a law's size ended at a limit of its range: one that has to go so far is not the right one."""
+    """Whether a law's size, or what it is like within, ended far from the textbook: it is not the right one.
+
+    A size has its limits; an inner parameter was known to a spread beforehand.
+    """
+    precision, centre = law_prior([law])
+    values = vector(Shared((law,)))
+    inner = [p.inner for p in law.parameters]
+    away = np.abs(values - centre)[:-1] * np.sqrt(precision[:-1])
+    if np.any(away[inner] > STRETCHED):
+        return True
     p = law.mechanism.parameter(law.mechanism.amplitude)
     if p.name not in law.free:
         p = law.parameters[0]

@@ -25,8 +25,12 @@ WANDERS = 0.06
 SIZES = np.geomspace(3.0, 3e3, 9)
 UNKNOWN_SIZE = 1.5
 HARMONIC = "harmonic"
-OVERTONE = 0.3
-"""A body's rhythm has an overtone of some such share of its size."""
+OVERTONES = {2: 0.3, 3: 0.15, 4: 0.1}
+"""A body's rhythm is no sine: it has overtones of some such shares of its size."""
+TUNED = 15
+"""Frequencies tried about a scanned one."""
+CYCLES = 1.25
+"""No rhythm is steadier than a cycle or so, or faster to change."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +51,7 @@ def knots(trial: CellTrial, frequency_hz: float) -> FloatArray:
     """Return hat functions (h, n) between which amplitude and phase wander; one that is constant for slow ones."""
     t = trial.time_s
     length = float(t[-1] - t[0])
-    spacing = max(COHERENT_S, 2.5 / frequency_hz)
+    spacing = max(COHERENT_S, CYCLES / frequency_hz)
     count = max(1, round(length / spacing))
     if count == 1:
         return np.ones((1, len(t)))
@@ -55,10 +59,10 @@ def knots(trial: CellTrial, frequency_hz: float) -> FloatArray:
     return np.maximum(0.0, 1.0 - np.abs(t - at[:, None]) * count / length)
 
 
-def waves(trial: CellTrial, frequency_hz: float) -> FloatArray:
-    """Return cosine and sine on every hat, (2h, n), averaged over the cells."""
-    phase = 2.0 * np.pi * frequency_hz * trial.time_s
-    blur = np.sinc(frequency_hz * trial.counts / trial.sample_rate_hz)
+def waves(trial: CellTrial, frequency_hz: float, number: int = 1) -> FloatArray:
+    """Return cosine and sine of an overtone on every hat of the rhythm, (2h, n), averaged over the cells."""
+    phase = 2.0 * np.pi * number * frequency_hz * trial.time_s
+    blur = np.sinc(number * frequency_hz * trial.counts / trial.sample_rate_hz)
     hats = knots(trial, frequency_hz)
     return np.vstack([hats * np.cos(phase) * blur, hats * np.sin(phase) * blur])
 
@@ -78,7 +82,7 @@ def frequency_grid(length_s: float) -> FloatArray:
     found, f = [], LOWEST_HZ
     while f < HIGHEST_HZ:
         found.append(f)
-        f += SPACING / min(length_s, max(COHERENT_S, 2.5 / f))
+        f += SPACING / min(length_s, max(COHERENT_S, 2.0 * CYCLES / f))
     return np.array(found)
 
 
@@ -143,17 +147,43 @@ def scan_oscillations(fit: StudyFit) -> OscillationScan:
     return best
 
 
+def tuned(fit: StudyFit, j: int, near_hz: float, size_mm: float) -> float:
+    """Return the frequency about one at which a steady rhythm with its overtones explains most of the j-th trial."""
+    trial, state = fit.trials[j], fit.states[j]
+    touching = simulate(trial, replace(state, offset_mn=0.0), fit.shared) > 0.0
+    stiffness = float(state.tissue.k0 + state.tissue.k1 + state.tissue.k2)
+    time_s = trial.time_s
+    tried = near_hz + np.linspace(-1.0, 1.0, TUNED) * SPACING / min(COHERENT_S, CYCLES / near_hz)
+    numbers = [n for n in (1, *OVERTONES) if 2.0 * n * near_hz < HIGHEST_HZ] or [1]
+    prior = np.repeat([(stiffness * size_mm * OVERTONES.get(n, 1.0)) ** -2 for n in numbers], 2)
+    phases = 2.0 * np.pi * np.multiply.outer(time_s, np.outer(tried, numbers).ravel())
+    columns = np.stack([np.cos(phases), np.sin(phases)], axis=-1).reshape(len(time_s), -1)
+    blur = np.sinc(np.multiply.outer(trial.counts / trial.sample_rate_hz, np.outer(tried, numbers).ravel()))
+    white = fit.projectors[j](stiffness * size_mm * columns * np.repeat(blur, 2, axis=1) * touching[:, None])
+    prior = prior * (stiffness * size_mm) ** 2
+    scores = fit.projectors[j].residual @ white
+    gains = []
+    for k in range(TUNED):
+        part = slice(k * len(prior), (k + 1) * len(prior))
+        A = white[:, part].T @ white[:, part] + np.diag(prior)
+        gains.append(float(scores[part] @ np.linalg.solve(A, scores[part])))
+    return float(tried[int(np.argmax(gains))])
+
+
 def with_oscillation(fit: StudyFit, scan: OscillationScan, name: str) -> StudyFit:
     """Return the fit with every trial's surface free to oscillate at its frequency."""
     states = []
     for j, (trial, state) in enumerate(zip(fit.trials, fit.states, strict=True)):
         if trial.kind == "ramp_hold_retract":
-            f = float(scan.own_hz[j])
+            f = tuned(fit, j, float(scan.own_hz[j]), scan.size_mm)
             shapes = [OwnShape(name, "surface", w, scan.size_mm**2, f) for w in waves(trial, f)]
-            overtone = (OVERTONE * scan.size_mm) ** 2
-            shapes += [
-                OwnShape(name, "surface", w, overtone, 2.0 * f, HARMONIC) for w in waves(trial, 2.0 * f)
-            ]
+            for number, share in OVERTONES.items():
+                variance = (share * scan.size_mm) ** 2
+                shapes += [
+                    OwnShape(name, "surface", w, variance, number * f, HARMONIC)
+                    for w in waves(trial, f, number)
+                    if 2.0 * number * f < HIGHEST_HZ
+                ]
             states.append(state.with_shapes(shapes))
         else:
             states.append(state)

@@ -188,9 +188,7 @@ def _event_refit(account: Account, scan: EventScan) -> Callable[[], Account]:
     return refit
 
 
-def _oscillation_refit(
-    account: Account, scan: OscillationScan, name: str
-) -> Callable[[], Account]:
+def _oscillation_refit(account: Account, scan: OscillationScan, name: str) -> Callable[[], Account]:
     def refit() -> Account:
         exact = account.exact
         added = replace(

@@ -102,7 +102,7 @@ def test_a_hum_is_a_line_that_is_taken_out_and_named() -> None:
 def test_names_that_explain_less_than_is_left_are_not_said() -> None:
     found = _diagnose('name = "coulomb_friction"\nforce_mn = 1.0')
     assert kept_findings(found)
-    much = replace(found.remainder, common=10.0 * sum(f.evidence for f in found.findings))
+    much = replace(found.remainder, common=1e3, share=0.9)
     beside = replace(found, remainder=much)
     assert kept_findings(beside) == ()
     report = _report(beside)

@@ -1,0 +1,70 @@
+"""Noise that is there in contact only is none: what a sensor does, it does before and after contact too."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.mismatch.fit.noise import NoiseModel
+from analysis.mismatch.fit.slow_noise import restricted_deviance
+from analysis.mismatch.fit.study_fit import StudyFit
+from analysis.mismatch.model.effects import OwnShape, TrialState, simulate
+from analysis.simulation.cells import CellTrial
+
+SHARES = (1.0, 0.5, 0.25, 0.1, 0.03, 0.01, 0.0)
+"""Shares of the variance of correlated noise that are tried out of contact."""
+FEWEST_CELLS = 50
+
+
+@dataclass(frozen=True)
+class Quiet:
+    """The noise out of contact, and how many nats likelier it is there than that of the whole trials."""
+
+    noise: NoiseModel
+    gain: float
+
+
+def out_of_contact(fit: StudyFit) -> Quiet:
+    """Weigh the noise of whole trials by what they are while nothing is touched (likelihood ratio, one share free).
+
+    Under H0, noise of the sensor, the gain is half a chi2 of one degree of freedom.
+    """
+    noise = fit.noise
+    apart = [_apart(fit, j) for j in range(len(fit.trials))]
+    kept = [a for a in apart if a is not None]
+    if not noise.parts or not kept:
+        return Quiet(noise, 0.0)
+    away = replace(
+        fit,
+        trials=tuple(t for t, _ in kept),
+        states=tuple(s for _, s in kept),
+        whiteners=fit.whiteners[: len(kept)],
+        shared=replace(fit.shared, laws=()),
+    )
+    tried = [NoiseModel(noise.white_mn, tuple((s * v, t) for v, t in noise.parts if s)) for s in SHARES]
+    deviances = [restricted_deviance(away, n) for n in tried]
+    best = int(np.argmin(deviances))
+    return Quiet(tried[best], 0.5 * (deviances[0] - deviances[best]))
+
+
+def _apart(fit: StudyFit, j: int) -> tuple[CellTrial, TrialState] | None:
+    """Return what is left of the j-th trial out of contact, as a trial that touches nothing; None if it always does."""
+    trial, state = fit.trials[j], fit.states[j]
+    bare = replace(state, offset_mn=0.0, shapes=(), coefficients=np.zeros(0))
+    contact = np.abs(simulate(trial, bare, replace(fit.shared, laws=()))) > 0.0
+    touched = np.flatnonzero(contact)
+    free: NDArray[np.bool_] = trial.fitted.copy()
+    if len(touched):
+        free[touched[0] : touched[-1] + 1] = False
+    if free.sum() < FEWEST_CELLS:
+        return None
+    left = replace(trial, kind="air_sweep", force_mn=fit.residual_mn(j), fitted=free)
+    # a level of its own before contact and after: skin clings, and hysteresis stays
+    first = np.arange(len(free)) < (touched[0] if len(touched) else len(free))
+    levels = [
+        OwnShape("level", "force", part.astype(np.float64), 1e6 * fit.noise.rms_mn**2)
+        for part in (first, ~first)
+    ]
+    return left, TrialState(np.zeros(0), state.z0_mm, 0.0, tuple(levels), np.zeros(2))

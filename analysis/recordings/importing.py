@@ -147,8 +147,6 @@ def _of_table(file: Path, kind: Kind, said: Instructions) -> list[Draft]:
 
 
 def _check_file(file: Path) -> None:
-    if file.is_dir():
-        raise BadInputError(f"{file}: is a folder: name the files to import, as in {file}/*.ddf")
     try:
         with file.open("rb") as stream:
             empty = not stream.read(1)

@@ -14,7 +14,7 @@ from analysis.mismatch.model.words import listed, spoken
 from analysis.mismatch.report import wording
 from analysis.mismatch.report.contents import Report, Window
 
-_VERDICTS = {
+VERDICTS = {
     "no_mismatch": "The simulation explains the recordings",
     "named": "Found what the simulation left out",
     "one_of": "Found, but more than one mechanism would explain it",
@@ -40,7 +40,7 @@ def write_page(path: Path, report: Report, figures: Mapping[str, Path]) -> None:
     )
     html = environment.get_template("report.html.j2").render(
         report=report,
-        headline=_VERDICTS[report.verdict],
+        headline=VERDICTS[report.verdict],
         figures=[
             {"data": base64.b64encode(png.read_bytes()).decode(), "caption": _CAPTIONS[name], "name": name}
             for name, png in figures.items()

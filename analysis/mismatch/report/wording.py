@@ -23,6 +23,7 @@ TISSUE_WORDS = {
     "tau2_s": "tau2",
 }
 WORTH_SAYING = 0.01
+MANYFOLD = 9.0
 
 
 def symbol(name: str) -> str:
@@ -230,7 +231,9 @@ def _headline(report: Report) -> str:
 
 
 def change_in_percent(change: float) -> str:
-    """Return a relative change in per cent, two digits, as it is read."""
+    """Return a relative change in per cent, two digits, as it is read; as a factor where per cent say nothing."""
+    if change > MANYFOLD:
+        return f"a factor of {float(f'{1.0 + change:.2g}'):g}"
     return f"{float(f'{100 * change:.2g}'):+g} %"
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
@@ -10,7 +12,7 @@ from rich.text import Text
 from analysis.mismatch.model.words import spoken
 from analysis.mismatch.report import wording
 from analysis.mismatch.report.contents import Report, Window
-from analysis.mismatch.report.page import VERDICTS
+from analysis.mismatch.report.page import VERDICTS, windows_of
 
 _MOST_WINDOWS = 5
 _MOST_LEFT_OUT = 20
@@ -25,11 +27,10 @@ def show_report(report: Report) -> None:
     console.print(Text(report.summary))
     if report.mechanisms:
         console.print(_effects(report))
-    if report.mismatch:
-        console.print(_windows(report))
-    tissue = wording.bias_words(report)
-    if report.mechanisms and tissue:
-        console.print(Text(f"bias of the tissue's constants before: {tissue}"))
+    for after_naming, title in ((True, "what is left, and where"), (False, "what differs, and where")):
+        windows = windows_of(report.mismatch, after_naming=after_naming)
+        if windows:
+            console.print(_windows(title, windows))
     for line in report.left_out[:_MOST_LEFT_OUT]:
         console.print(Text(f"left out: {line}", style="yellow"), soft_wrap=True)
     if len(report.left_out) > _MOST_LEFT_OUT:
@@ -59,11 +60,10 @@ def _effects(report: Report) -> Table:
     return table
 
 
-def _windows(report: Report) -> Table:
-    more = len(report.mismatch) - _MOST_WINDOWS
-    title = "where simulation and recordings differ" + (f", the first {_MOST_WINDOWS}" if more > 0 else "")
-    table = _table(title, "signal", "phase", "time (s)", "mean", "rms", "share", "p")
-    for window in report.mismatch[:_MOST_WINDOWS]:
+def _windows(title: str, windows: Sequence[Window]) -> Table:
+    most = f", the largest {_MOST_WINDOWS}" if len(windows) > _MOST_WINDOWS else ""
+    table = _table(title + most, "signal", "phase", "time (s)", "mean", "rms", "share", "p")
+    for window in windows[:_MOST_WINDOWS]:
         table.add_row(*map(Text, _window_cells(window)))
     return table
 

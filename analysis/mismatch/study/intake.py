@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -15,11 +16,13 @@ from analysis.recordings.trial import Trial
 from analysis.simulation.cells import CellTrial, reduce_trial
 from analysis.simulation.motion import estimate_motion, fit_servo
 
+Setting = Literal["finger", "lever", "other"]
+"""A finger under a lever, another specimen under a lever, or another instrument."""
 DIAGNOSED = ("ramp_hold_retract", "air_sweep", "rigid_target")
 SERVO_TRIALS = 6
 SLOPE_TOLERANCE = 0.2
 MOVES_MM = 0.002
-UNCOMPUTABLE = (ArithmeticError, ValueError)
+UNCOMPUTABLE = (ArithmeticError, ValueError, IndexError)
 """What arithmetic ends in on samples that nobody foresaw; numpy's LinAlgError is a ValueError."""
 
 
@@ -32,6 +35,9 @@ class Intake:
     servo: tuple[float, float]
     punch_diameter_mm: float | None
     notes: tuple[str, ...] = ()
+    setting: Setting = "finger"
+    imports: tuple[tuple[str, tuple[str, ...]], ...] = ()
+    """File and log of every trial that was imported."""
 
 
 def take_in(paths: Sequence[Path], *, hold_only: bool = False) -> Intake:
@@ -120,7 +126,21 @@ def _reduce(
     skin = [c.study_depth_mm for c in cells if c.kind == "ramp_hold_retract"]
     if skin:
         cells = [replace(c, study_depth_mm=max(skin)) for c in cells]
-    return Intake(tuple(cells), tuple(left_out), servo, heads[0].specimen.punch_diameter_mm, _notes(heads))
+    return Intake(
+        tuple(cells),
+        tuple(left_out),
+        servo,
+        heads[0].specimen.punch_diameter_mm,
+        _notes(heads),
+        _setting(heads),
+        tuple((Path(h.path).name, h.log) for h in heads if h.source == "imported"),
+    )
+
+
+def _setting(heads: Sequence[Trial]) -> Setting:
+    if any(h.specimen.finger or h.source != "imported" for h in heads):
+        return "finger"
+    return "lever" if all(any(".ddf" in line for line in h.log[:1]) for h in heads) else "other"
 
 
 def _notes(heads: Sequence[Trial]) -> tuple[str, ...]:

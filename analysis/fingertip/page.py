@@ -99,6 +99,7 @@ def write_comparison_page(out: Path, found: Located, answers: LineAnswers) -> Pa
         overlap=max(pressed.overlap_mm for pressed in answers.pressed),
         pull=max(pressed.pull_kpa for pressed in answers.pressed),
         unknowns=answers.model.unknowns,
+        mesh_um=1e3 * float(np.sqrt(np.mean(found.mesh_mm**2))),
     )
 
 

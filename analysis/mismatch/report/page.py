@@ -78,7 +78,11 @@ def write_page(path: Path, report: Report, figures: Mapping[str, Path]) -> None:
         ],
         tissue=_tissue_rows(report),
         hidden=[
-            {"name": spoken(n.name), "reason": n.reason, "way": fitting(spoken(n.separated_by), report.setting)}
+            {
+                "name": spoken(n.name),
+                "reason": n.reason,
+                "way": fitting(spoken(n.separated_by), report.setting),
+            }
             for n in report.not_identifiable
         ],
         sure=_sure_rows(report),

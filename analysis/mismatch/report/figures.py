@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.figures import COLOURS, save_figures
+from analysis.figures import BLUE, COLOURS, VERMILLION, YELLOW, save_figures
 from analysis.mismatch.diagnosis import Diagnosis
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.report.contents import Report, Window
@@ -20,7 +20,7 @@ from analysis.simulation.cells import CellTrial
 
 FloatArray = NDArray[np.float64]
 
-RECORDED, BASELINE, IMPROVED, WINDOW = "#666666", "#D55E00", "#0072B2", "#F0E442"
+RECORDED, BASELINE, IMPROVED, WINDOW = "#666666", VERMILLION, BLUE, YELLOW
 _GRID = 160
 _WIDEST_S = 0.4
 _SETTLING_S = 0.03

@@ -134,7 +134,7 @@ class MeshSettings(_Settings):
 
     order: Annotated[int, Field(ge=1, le=4)] = 3
     size_mm: Annotated[float, Field(gt=0, le=3)] = 0.9
-    contact_size_mm: Annotated[float, Field(gt=0, le=0.5)] = 0.010
+    contact_size_mm: Annotated[float, Field(gt=0, le=0.5)] = 0.0075
     grading: Annotated[float, Field(gt=0, lt=1)] = 0.5
     file: Path | None = None
 

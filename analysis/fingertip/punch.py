@@ -43,7 +43,10 @@ def punch_pad(pad: PadFile, cache: Path) -> PunchPad:
     stored = recall(cache, key, solve)
     view = MeshView(**{name: stored[f"view_{name}"] for name in MeshView.__dataclass_fields__})
     return PunchPad(
-        *(stored[name] for name in ("layers", "ratios", "exact", "relative")),
+        stored["layers"],
+        stored["ratios"],
+        stored["exact"],
+        stored["relative"],
         float(stored["pull_share"]),
         int(stored["unknowns"]),
         view,

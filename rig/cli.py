@@ -151,11 +151,17 @@ def _export(given: argparse.Namespace) -> None:
 
 def _diagnose(given: argparse.Namespace) -> None:
     from analysis.mismatch.diagnose import diagnose_paths
+    from analysis.mismatch.report.screen import show_report
 
-    report = diagnose_paths(
-        given.paths, baseline=given.baseline, out=given.out, seed=given.seed, tolerance_mn=given.tolerance
+    page = diagnose_paths(
+        given.paths,
+        baseline=given.baseline,
+        out=given.out,
+        seed=given.seed,
+        tolerance_mn=given.tolerance,
+        show=show_report,
     )
-    print(report)
+    print(page)
 
 
 def _prove(given: argparse.Namespace) -> None:

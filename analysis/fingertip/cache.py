@@ -15,7 +15,7 @@ import numpy as np
 from analysis.errors import BadInputError
 from analysis.fingertip.pad_file import PadFile
 
-_LAYOUT = 1
+_LAYOUT = 2
 """Raised whenever what is solved for or stored changes."""
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.linalg import solve_triangular
 from scipy.optimize import brentq, least_squares
 from scipy.stats import chi2, f
 
@@ -55,6 +56,7 @@ class Located:
     Attributes:
         error_mm: standard error of a place, from the file, or from what the best pad leaves.
         error_known: whether it is the file's.
+        mesh_mm: how far off the mesh may put the best pad's skin at a place, as two meshes differ.
         ratio, ratio_low, ratio_high: relaxed core over epidermis with its 95 % profile interval, thickness free.
         at_end: whether an end of the interval is an end of the ratios that were solved.
         thickness_mm, thickness_se_mm: of the epidermis that fits best.
@@ -66,6 +68,7 @@ class Located:
     surface: MeasuredSurface
     error_mm: FloatArray
     error_known: bool
+    mesh_mm: FloatArray
     ratio: float
     ratio_low: float
     ratio_high: float
@@ -81,34 +84,70 @@ class Located:
 def locate(surface: MeasuredSurface, answers: LineAnswers) -> Located:
     """Set the surface beside every pad and find the ratio of layers, thickness of the epidermis let free.
 
-    Where the file gives no errors they are taken from what the best pad leaves, and the tests are F tests.
+    Where the file gives no errors they are taken from what the best pad leaves, and the tests are F tests. What
+    the mesh may be off by counts as an error beside the measurement's: no interval is narrower than the mesh.
     """
     known = bool(np.isfinite(surface.error_mm).all())
-    weight = 1 / surface.error_mm if known else np.ones_like(surface.position_mm)
-    layered = answers.layered_at(surface.position_mm)
+    places_mm = surface.position_mm
+    nothing = np.zeros(len(places_mm))
+    first = _fitted(surface, answers, surface.error_mm if known else np.ones(len(places_mm)), nothing)
+    freedom = len(places_mm) - 2
+    scale_mm = np.sqrt(2 * float(first.cost) / freedom)
+    error_mm = surface.error_mm if known else np.full(len(places_mm), scale_mm)
+    return _located(surface, answers, error_mm, known, answers.mesh_error_at(places_mm, float(first.x[0])))
+
+
+def _fitted(surface: MeasuredSurface, answers: LineAnswers, error_mm: FloatArray, mesh_mm: FloatArray) -> Any:
+    """Return the solution of log ratio and thickness that fits best, both free."""
+    layered, whiten = answers.layered_at(surface.position_mm), _whitener(error_mm, mesh_mm)
     first, last = np.log(answers.ratios[[0, -1]]).tolist()
     thin, thick = answers.thickness_mm[[0, -1]].tolist()
 
-    def off(log_ratio: float, thickness_mm: float) -> FloatArray:
-        return (layered(log_ratio, thickness_mm) - surface.deflection_mm) * weight
+    def by_both(values: FloatArray) -> FloatArray:
+        return whiten(layered(float(values[0]), float(values[1])) - surface.deflection_mm)
 
-    def best_thickness(log_ratio: float) -> tuple[float, float]:
+    starts = np.linspace(first, last, _STARTS + 2)[1:-1].tolist()
+    own_mm = _own_mm(answers)
+    tried = [_solve(by_both, [start, own_mm], [first, thin], [last, thick]) for start in starts]
+    return min(tried, key=_cost)
+
+
+def _whitener(error_mm: FloatArray, mesh_mm: FloatArray) -> Callable[[FloatArray], FloatArray]:
+    """Return what makes misfits (N,) mm independent and of variance 1.
+
+    The mesh is off all along the finger at once, by so much of its estimate as nobody knows, and at every place
+    by itself: two meshes differ in both ways.
+    """
+    covariance = np.diag(error_mm**2 + mesh_mm**2) + np.outer(mesh_mm, mesh_mm)
+    factor = np.linalg.cholesky(covariance)
+    return lambda off_mm: np.asarray(solve_triangular(factor, off_mm, lower=True), dtype=float)
+
+
+def _own_mm(answers: LineAnswers) -> float:
+    return float(answers.thickness_mm[len(answers.thickness_mm) // 2])
+
+
+def _located(
+    surface: MeasuredSurface, answers: LineAnswers, error_mm: FloatArray, known: bool, mesh_mm: FloatArray
+) -> Located:
+    layered, whiten = answers.layered_at(surface.position_mm), _whitener(error_mm, mesh_mm)
+    first, last = np.log(answers.ratios[[0, -1]]).tolist()
+    thin, thick = answers.thickness_mm[[0, -1]].tolist()
+    own_mm = _own_mm(answers)
+
+    def off(log_ratio: float, thickness_mm: float) -> FloatArray:
+        return whiten(layered(log_ratio, thickness_mm) - surface.deflection_mm)
+
+    def least_at(log_ratio: float) -> float:
         def by_thickness(values: FloatArray) -> FloatArray:
             return off(log_ratio, float(values[0]))
 
-        solved = _solve(by_thickness, [(thin + thick) / 2], [thin], [thick])
-        return float(solved.x[0]), 2 * float(solved.cost)
-
-    def by_both(values: FloatArray) -> FloatArray:
-        return off(float(values[0]), float(values[1]))
+        return 2 * float(_solve(by_thickness, [(thin + thick) / 2], [thin], [thick]).cost)
 
     def by_ratio(values: FloatArray) -> FloatArray:
         return off(float(values[0]), own_mm)
 
-    own_mm = float(answers.thickness_mm[len(answers.thickness_mm) // 2])
-    starts = np.linspace(first, last, _STARTS + 2)[1:-1].tolist()
-    tried = [_solve(by_both, [start, own_mm], [first, thin], [last, thick]) for start in starts]
-    solved = min(tried, key=_cost)
+    solved = _fitted(surface, answers, error_mm, mesh_mm)
     freedom = len(surface.position_mm) - 2
     least = 2 * float(solved.cost)
     variance = 1.0 if known else least / freedom
@@ -116,27 +155,31 @@ def locate(surface: MeasuredSurface, answers: LineAnswers) -> Located:
     limit = float(chi2.ppf(COVERAGE, 1) if known else f.ppf(COVERAGE, 1, freedom))
 
     def above(at: float) -> float:
-        return (best_thickness(at)[1] - least) / variance
+        return (least_at(at) - least) / variance
 
     low, high, at_end = _interval(above, log_ratio, limit, (first, last))
     grid = np.unique(np.append(np.linspace(first, last, 61), [low, log_ratio, high]))
     jacobian = np.asarray(solved.jac)
     covariance = np.linalg.pinv(jacobian.T @ jacobian) * variance
-    error_mm = surface.error_mm if known else np.full_like(surface.position_mm, np.sqrt(variance))
     own = _solve(by_ratio, [log_ratio], [first], [last])
+
+    def compared(name: str, deflection: FloatArray, log_ratio: float, fitted: int) -> Comparison:
+        mesh_there_mm = answers.mesh_error_at(surface.position_mm, log_ratio)
+        return _compared(name, deflection, surface, error_mm, mesh_there_mm, known, fitted)
+
     pads = (
-        _compared("homogeneous", answers.homogeneous_at(surface.position_mm), surface, error_mm, known, 0),
-        _compared(
+        compared("homogeneous", answers.homogeneous_at(surface.position_mm), 0.0, 0),
+        compared(
             f"elastic epidermis of {own_mm:.2g} mm, ratio {np.exp(own.x[0]):.3g}",
-            layered(float(own.x[0]), own_mm), surface, error_mm, known, 1,
+            layered(float(own.x[0]), own_mm), float(own.x[0]), 1,
         ),
-        _compared(
+        compared(
             f"elastic epidermis of {thickness:.3g} mm, ratio {np.exp(log_ratio):.3g}",
-            layered(log_ratio, thickness), surface, error_mm, known, 2,
+            layered(log_ratio, thickness), log_ratio, 2,
         ),
     )  # fmt: skip
     return Located(
-        surface, error_mm, known, float(np.exp(log_ratio)), float(np.exp(low)), float(np.exp(high)), at_end,
+        surface, error_mm, known, mesh_mm, float(np.exp(log_ratio)), float(np.exp(low)), float(np.exp(high)), at_end,
         thickness, float(np.sqrt(covariance[1, 1])), limit, grid, np.array([above(g) for g in grid]), pads,
     )  # fmt: skip
 
@@ -176,12 +219,13 @@ def _compared(
     deflection: FloatArray,
     surface: MeasuredSurface,
     error_mm: FloatArray,
+    mesh_mm: FloatArray,
     known: bool,
     fitted: int,
 ) -> Comparison:
     left = surface.deflection_mm - deflection
     freedom = len(left) - fitted
-    squares = float(np.sum((left / error_mm) ** 2))
+    squares = float(np.sum(_whitener(error_mm, mesh_mm)(left) ** 2))
     # with errors taken from the best pad's own misfit (two values fitted) the ratio is Fisher's
     p_value = chi2.sf(squares, freedom) if known else f.sf(squares / freedom, freedom, len(left) - 2)
     return Comparison(
@@ -189,7 +233,7 @@ def _compared(
         deflection,
         float(np.sqrt(np.mean(left**2))),
         float(p_value),
-        _spans(surface.position_mm, left / error_mm, left),
+        _spans(surface.position_mm, left / np.hypot(error_mm, mesh_mm), left),
     )
 
 

@@ -17,6 +17,10 @@ def write_comparison(path: Path, found: Located, motion: LineMotion) -> None:
         "format_version": 1,
         "surface": found.surface.file,
         "motion": asdict(motion),
+        "mesh_error_mm": {
+            "largest": float(abs(found.mesh_mm).max()),
+            "rms": float((found.mesh_mm**2).mean() ** 0.5),
+        },
         "errors": "file" if found.error_known else "what the best pad leaves",
         "ratio_core_to_epidermis": {
             "value": found.ratio,

@@ -87,6 +87,20 @@ class ElasticPad:
             answers.append(answer)
         return answers, np.array(forces)
 
+    def pull_share(self, boundary: str, answer: Any, moduli: Sequence[float] | FloatArray) -> float:
+        """Return the part of the force with which a boundary is pulled rather than pressed; 0 where none is.
+
+        By the forces at its vertices: each is the pressure around one, weighted by a hat that is nowhere negative.
+        """
+        residual = answer.CreateVector()
+        residual.data = self.mixture(moduli) * answer
+        mesh = self.mesh.mesh
+        there = {v.nr for e in mesh.Boundaries(boundary).Elements() for v in e.vertices}
+        along_y = self.space.Range(1).start
+        # whatever the order of the elements, the unknowns of a component begin with the vertices
+        pressed = -residual.FV().NumPy()[along_y + np.array(sorted(there))]
+        return float(np.maximum(-pressed, 0.0).sum() / np.abs(pressed).sum())
+
     def gram(self, left: Sequence[Any], right: Sequence[Any]) -> FloatArray:
         """Return left^T K_l right for every layer, (L, A, B), of the whole pad."""
         a = np.stack([vector.FV().NumPy() for vector in left])

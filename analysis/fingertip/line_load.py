@@ -23,6 +23,8 @@ THICKNESSES = (2 / 3, 1.0, 4 / 3)
 SNAPSHOTS = chebyshev_ratios(0.009, 3.2, 6)
 """Ratios that shapes are taken at: from the softest core, relaxed, to the stiffest at once."""
 _RAMP_STEPS, _HOLD_STEPS = 20, 16
+COARSER = 1.5
+"""Size of the elements of a second mesh over that of the first: by how much both differ says how far off they are."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +43,9 @@ class LineAnswers:
     Attributes:
         ratios, thickness_mm: (R,) relaxed core over epidermis, and (T,) of the epidermis.
         layered: (T, R, q); homogeneous: (q,).
+        mesh_error: of the layered pads at the file's own thickness, (R, q) mm: by how much a mesh of elements as
+            large again by half differs, over that half (an error in proportion to the elements, as at the edges
+            of a punch and a line, where stress has no bound).
         pads: the calibrated layered pads, by thickness and ratio.
         pressed: the homogeneous pad, and the layered pad of every ratio at the file's own thickness.
         model: the pad at the file's own thickness.
@@ -52,6 +57,7 @@ class LineAnswers:
     thickness_mm: FloatArray
     layered: FloatArray
     homogeneous: FloatArray
+    mesh_error: FloatArray
     pads: tuple[tuple[CalibratedPad, ...], ...]
     pressed: tuple[Pressed, ...]
     model: ContactPad
@@ -69,6 +75,12 @@ class LineAnswers:
             return curve
 
         return deflection
+
+    def mesh_error_at(self, position_mm: FloatArray, log_ratio: float) -> FloatArray:
+        """Return how far off the mesh may put the skin, (N,) mm, at places (N,) mm, at a log ratio."""
+        there = CubicSpline(self.position_mm, self.mesh_error, axis=1)(position_mm)
+        error: FloatArray = CubicSpline(np.log(self.ratios), there, axis=0)(log_ratio)
+        return error
 
     def homogeneous_at(self, position_mm: FloatArray) -> FloatArray:
         """Return the homogeneous pad's deflection, (N,) mm, at places (N,) mm."""
@@ -103,6 +115,12 @@ def answer_lines(
     """
     target = target_of(found.measured)
     terms = found.pad.calibration.prony_terms
+
+    def of_ratios(settings: PadFile) -> tuple[ContactPad, tuple[CalibratedPad, ...], list[Pressed]]:
+        line = contact_pad(settings, "line", snapshots, cache)
+        calibrated = tuple(scan(punch_pad(settings, cache), target, terms, ratios))
+        return line, calibrated, [press_line(line, one, motion) for one in calibrated]
+
     nominal_mm = found.pad.geometry.epidermis_mm.value
     thickness_mm = nominal_mm * np.array(THICKNESSES)
     layered, pads = [], []
@@ -110,17 +128,17 @@ def answer_lines(
     own: ContactPad | None = None
     for thickness in thickness_mm.tolist():
         settings: PadFile = found.pad if thickness == nominal_mm else found.pad.with_epidermis(thickness)
-        punch = punch_pad(settings, cache)
-        line = contact_pad(settings, "line", snapshots, cache)
-        calibrated = tuple(scan(punch, target, terms, ratios))
-        answers = [press_line(line, one, motion) for one in calibrated]
+        line, calibrated, answers = of_ratios(settings)
         layered.append([line.deflection @ one.weights[-1] for one in answers])
         pads.append(calibrated)
         if thickness == nominal_mm:
             own = line
-            plain = calibrate(punch, target, "homogeneous", 1.0, terms)
+            plain = calibrate(punch_pad(settings, cache), target, "homogeneous", 1.0, terms)
             pressed = [press_line(line, plain, motion), *answers]
     assert own is not None
+    coarser, _, answers = of_ratios(found.pad.with_elements(COARSER))
+    other = np.array([coarser.deflection @ one.weights[-1] for one in answers])
+    here = np.array([own.deflection @ one.weights[-1] for one in pressed[1:]])
     return LineAnswers(
         motion,
         own.position_mm,
@@ -128,6 +146,7 @@ def answer_lines(
         thickness_mm,
         np.array(layered),
         own.deflection @ pressed[0].weights[-1],
+        (other - here) / (COARSER - 1.0),
         tuple(pads),
         tuple(pressed),
         own,

@@ -18,6 +18,8 @@ PRESSED: dict[Load, str] = {"punch": PUNCH, "line": STRIP, "plate": PLATE}
 FIXED = "bone|nail"
 SYMMETRY = "symmetry"
 LINE_WIDTH_MM, LINE_LENGTH_MM = 0.02, 5.0  # Kumar et al. 2015
+_STRIP_SIZE_MM = 0.06
+"""Of elements under the line: patches of 0.083 mm need no smaller ones."""
 _STRIP_DEPTH_MM = 0.05
 """Depth of the sliver of epidermis that is cut out under the line, so that the mesh follows its edges."""
 _TRIES, _FINER = 6, 0.8
@@ -193,7 +195,7 @@ def _refine(whole: Any, pad: PadFile, load: Load) -> None:
     smallest = pad.mesh.contact_size_mm
     refined: dict[str, Callable[[Any], None]] = {
         PUNCH: lambda face: _refine_rim(face, smallest),
-        STRIP: lambda face: _set_size(face, 4 * smallest),
+        STRIP: lambda face: _set_size(face, max(4 * smallest, _STRIP_SIZE_MM)),
         PLATE: lambda face: _set_size(face, pad.mesh.size_mm / 2),
     }
     for face in whole.faces:

@@ -134,7 +134,7 @@ class MeshSettings(_Settings):
 
     order: Annotated[int, Field(ge=1, le=4)] = 3
     size_mm: Annotated[float, Field(gt=0, le=3)] = 0.9
-    contact_size_mm: Annotated[float, Field(gt=0, le=0.5)] = 0.015
+    contact_size_mm: Annotated[float, Field(gt=0, le=0.5)] = 0.0075
     grading: Annotated[float, Field(gt=0, lt=1)] = 0.5
     file: Path | None = None
 
@@ -152,6 +152,11 @@ class PadFile(_Settings):
     def relative_moduli(self) -> tuple[float, float, float]:
         """Relaxed moduli beside each other were epidermis and core of one modulus, in the order of `LAYERS`."""
         return 1.0, self.layers.dermis.relative_modulus, self.layers.fat.relative_modulus
+
+    def with_elements(self, factor: float) -> PadFile:
+        """Return the same pad on a mesh of elements larger by a factor."""
+        sizes = {"size_mm": factor * self.mesh.size_mm, "contact_size_mm": factor * self.mesh.contact_size_mm}
+        return self.model_copy(update={"mesh": self.mesh.model_copy(update=sizes)})
 
     def with_epidermis(self, thickness_mm: float) -> PadFile:
         """Return the same pad with another epidermis, at the dermis' cost; BadInputError where none is left of that."""

@@ -67,6 +67,8 @@ def write_calibration_page(
         worst=100 * max(pad.rms_share for pad in found.scan),
         sizes=_sizes(found.pad),
         unknowns=punch.unknowns,
+        slides=found.pad.punch.contact == "frictionless",
+        pulled=punch.pull_share,
         reduced_off=max(
             abs(punch.stiffness(punch.layer_moduli(r)) / f - 1)
             for r, f in zip(punch.ratios.tolist(), punch.exact.tolist(), strict=True)
@@ -99,6 +101,7 @@ def write_comparison_page(out: Path, found: Located, answers: LineAnswers) -> Pa
         overlap=max(pressed.overlap_mm for pressed in answers.pressed),
         pull=max(pressed.pull_kpa for pressed in answers.pressed),
         unknowns=answers.model.unknowns,
+        mesh_um=1e3 * float(np.sqrt(np.mean(found.mesh_mm**2))),
     )
 
 

@@ -43,14 +43,21 @@ def punch_pad(pad: PadFile, cache: Path) -> PunchPad:
     stored = recall(cache, key, solve)
     view = MeshView(**{name: stored[f"view_{name}"] for name in MeshView.__dataclass_fields__})
     return PunchPad(
-        stored["layers"], stored["ratios"], stored["exact"], stored["relative"], int(stored["unknowns"]), view
+        stored["layers"],
+        stored["ratios"],
+        stored["exact"],
+        stored["relative"],
+        float(stored["pull_share"]),
+        int(stored["unknowns"]),
+        view,
     )
 
 
 def _arrays(found: PunchPad) -> dict[str, Any]:
     own = {name: getattr(found, name) for name in ("layers", "ratios", "exact", "relative")}
     view = {f"view_{name}": array for name, array in found.view.arrays().items()}
-    return {**own, "unknowns": np.array(found.unknowns), **view}
+    numbers = {"pull_share": np.array(found.pull_share), "unknowns": np.array(found.unknowns)}
+    return {**own, **numbers, **view}
 
 
 def reduce_punch(pad: PadFile, advance: Callable[[], None] = lambda: None) -> PunchPad:
@@ -58,26 +65,39 @@ def reduce_punch(pad: PadFile, advance: Callable[[], None] = lambda: None) -> Pu
     full = full_punch_pad(pad)
     advance()
     ratios = chebyshev_ratios(*RATIOS, SNAPSHOTS)
-    return reduce_full(full, ratios, np.array(pad.relative_moduli()), advance)
+    slides = pad.punch.contact == "frictionless"
+    return reduce_full(full, ratios, np.array(pad.relative_moduli()), advance, slides=slides)
 
 
 def reduce_full(
-    full: ElasticPad, ratios: FloatArray, relative: FloatArray, advance: Callable[[], None] = lambda: None
+    full: ElasticPad,
+    ratios: FloatArray,
+    relative: FloatArray,
+    advance: Callable[[], None] = lambda: None,
+    *,
+    slides: bool = False,
 ) -> PunchPad:
-    """Solve a full mesh at ratios of core to epidermis (R,) and return it in the shapes of the answers."""
+    """Solve a full mesh at ratios of core to epidermis (R,) and return it in the shapes of the answers.
+
+    Under a punch that ``slides`` it is asked whether any skin would have to be pulled.
+    """
     answers: list[Any] = []
     forces: list[float] = []
+    pulled = 0.0
     for ratio in ratios:
         answer, force = full.pressed(PUNCH, np.array([ratio]), relative)
         answers += answer
         forces += force.tolist()
+        if slides:
+            moduli = np.array([relative[0], *(ratio * relative[1:])])
+            pulled = max(pulled, full.pull_share(PUNCH, answer[0], moduli))
         advance()
     gram = full.gram(answers, answers)
     gram = (gram + gram.transpose(0, 2, 1)) / 2
     combine = _shapes(gram)
     layers = np.einsum("am,lab,bn->lmn", combine, gram, combine)
     view = view_of(full.mesh, answers, combine, full.space)
-    return PunchPad(layers, ratios, np.array(forces), relative, full.unknowns, view)
+    return PunchPad(layers, ratios, np.array(forces), relative, pulled, full.unknowns, view)
 
 
 def _shapes(gram: FloatArray) -> FloatArray:

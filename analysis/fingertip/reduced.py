@@ -25,6 +25,8 @@ class PunchPad:
         ratios: of the core's modulus to the epidermis', that the shapes were taken at, (R,).
         exact: force of the full mesh at these ratios for 1 mm, epidermis 1 kPa, (R,) mN.
         relative: moduli of the layers beside each other at a ratio of 1, (L,).
+        pull_share: part of the force with which a punch that slides would have to pull, the worst of the ratios;
+            0 where no skin is pulled, as it must be without glue.
         unknowns: of the full mesh.
         view: the mesh to look at.
     """
@@ -33,6 +35,7 @@ class PunchPad:
     ratios: FloatArray
     exact: FloatArray
     relative: FloatArray
+    pull_share: float
     unknowns: int
     view: MeshView
 

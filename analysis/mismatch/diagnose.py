@@ -5,26 +5,38 @@ from __future__ import annotations
 import json
 import shutil
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from analysis.errors import BadInputError
+
+if TYPE_CHECKING:
+    from analysis.mismatch.diagnosis import Diagnosis
+    from analysis.mismatch.report.contents import Report
+    from analysis.mismatch.study.intake import Intake
 
 FILES = ("report.html", "report.json", "twin.toml", "next.toml")
 BASELINES = ("ramp", "step")
 
 
 def diagnose_paths(
-    paths: Sequence[Path], *, baseline: str = "ramp", out: Path, seed: int = 0, tolerance_mn: float = 0.3
+    paths: Sequence[Path],
+    *,
+    baseline: str = "ramp",
+    out: Path,
+    seed: int = 0,
+    tolerance_mn: float = 0.3,
+    show: Callable[[Report], None] | None = None,
 ) -> Path:
     """Compare simulation and recordings, and write what was found into ``out``; return the page's path.
 
     Writes `report.json`, `report.html`, figures, `twin.toml`, and `next.toml` where something needs
     separating: all of them, or on failure nothing. ``tolerance_mn`` (rms): what a law may leave over in any
-    window without being called unknown. Raises BadInputError, one line, for trials that can't be diagnosed.
+    window without being called unknown. ``show`` is given the report once it is written. Trials that can't be used
+    are left out, each with its reason in the report; raises BadInputError, one line, where none is left.
     """
     if baseline not in BASELINES:
         raise BadInputError(f"baseline {baseline!r} is unknown: use ramp or step")
@@ -32,7 +44,6 @@ def diagnose_paths(
         raise BadInputError(f"tolerance {tolerance_mn:g} mN can't be met: give one above 0")
     if out.exists() and not out.is_dir():
         raise BadInputError(f"{out}: is a file: choose another --out")
-    from analysis.mismatch.diagnosis import diagnose
     from analysis.mismatch.study.intake import take_in
     from analysis.recordings import find_trials
 
@@ -40,29 +51,67 @@ def diagnose_paths(
     with _status(f"Reading {len(files)} files") as say:
         taken = take_in(files, hold_only=baseline == "step")
         say(f"Comparing {len(taken.trials)} trials with the simulation and every mechanism of the library")
-        diagnosis = diagnose(taken, baseline=baseline, seed=seed)
+        diagnosis = _diagnosed(taken, baseline, seed)
         say("Writing the report")
         with _together(out) as folder:
-            _write(folder, diagnosis, baseline=baseline, seed=seed, tolerance_mn=tolerance_mn)
+            report = _write(folder, diagnosis, baseline=baseline, seed=seed, tolerance_mn=tolerance_mn)
+    if show is not None:
+        show(report)
     return out / FILES[0]
 
 
-def _write(folder: Path, diagnosis: Any, *, baseline: str, seed: int, tolerance_mn: float) -> None:
+def _diagnosed(taken: Intake, baseline: str, seed: int) -> Diagnosis:
+    """Return the diagnosis; trials that by themselves defeat the arithmetic are left out, not the others with them."""
+    from analysis.mismatch.diagnosis import diagnose
+    from analysis.mismatch.study.intake import UNCOMPUTABLE, without_trials
+
+    try:
+        return diagnose(taken, baseline=baseline, seed=seed)
+    except BadInputError:
+        raise
+    except UNCOMPUTABLE as error:
+        together = error
+    reasons = {j: why for j in range(len(taken.trials)) if (why := _why_not_alone(taken, j, baseline))}
+    if reasons and len(reasons) < len(taken.trials):
+        return _diagnosed(without_trials(taken, reasons), baseline, seed)
+    first = Path(taken.trials[0].label).name
+    which = first if len(taken.trials) == 1 else f"{first} and {len(taken.trials) - 1} more"
+    raise BadInputError(
+        f"{which}: the comparison with the simulation can't be calculated ({' '.join(str(together).split())}): "
+        "look at the recordings with `indenter fit`, and leave out what is no press and hold"
+    ) from together
+
+
+def _why_not_alone(taken: Intake, j: int, baseline: str) -> str:
+    """Return why the baseline simulation can't be fitted to one trial alone; nothing where it can."""
+    from analysis.mismatch.fit.baseline import fit_baseline
+    from analysis.mismatch.study.intake import UNCOMPUTABLE
+
+    try:
+        fit_baseline(taken.trials[j : j + 1], ideal_step=baseline == "step")
+    except UNCOMPUTABLE as error:
+        return f"the simulation can't be fitted to it ({' '.join(str(error).split())})"
+    return ""
+
+
+def _write(folder: Path, diagnosis: Diagnosis, *, baseline: str, seed: int, tolerance_mn: float) -> Report:
     from analysis.mismatch.propose.experiment import propose
     from analysis.mismatch.report.figures import draw_figures
     from analysis.mismatch.report.page import write_page
+    from analysis.mismatch.report.setting import in_words_of_its_bench
     from analysis.mismatch.report.twin import write_twin
     from analysis.mismatch.report.verdict import make_report
     from analysis.mismatch.report.wording import summary
 
     report = make_report(diagnosis, baseline=baseline, seed=seed, tolerance_mn=tolerance_mn)
     report = replace(report, next_experiment=propose(diagnosis, folder / "next.toml"))
-    report = replace(report, summary=summary(report))
+    report = in_words_of_its_bench(replace(report, summary=summary(report)))
     write_twin(folder / "twin.toml", diagnosis, report)
     figures = draw_figures(folder, diagnosis, report)
     write_page(folder / "report.html", report, figures)
     text = json.dumps(report.as_json(), indent=1, allow_nan=False, ensure_ascii=False)
     (folder / "report.json").write_text(text + "\n", encoding="utf-8")
+    return report
 
 
 @contextmanager

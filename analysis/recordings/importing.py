@@ -38,25 +38,6 @@ class Refused:
     reason: str
 
 
-def import_files(files: Sequence[Path], out: Path, kind: Kind | None) -> list[Path]:
-    """Turn recordings into trial files in the folder `out`, all of them or none; return their paths.
-
-    Without `kind` a recording is taken for a ``ramp_hold_retract``. Every file is read and checked before
-    the first is written: a bad one raises BadInputError and leaves nothing behind.
-    """
-    if not files:
-        raise BadInputError("nothing to import: name recordings")
-    for file in map(Path, files):
-        if file.is_dir():
-            raise BadInputError(f"{file}: is a folder: name the files to import, as in {file}/*.ddf")
-    made: dict[Path, Imported] = {}
-    for file in map(Path, files):
-        for one in _read(file, Path(out), kind, NOTHING_SAID):
-            _claim(made, one)
-    _write_all(made, Path(out))
-    return list(made)
-
-
 def import_recordings(
     paths: Sequence[Path], out: Path, kind: Kind | None = None, said: Instructions = NOTHING_SAID
 ) -> tuple[list[Imported], list[Refused]]:
@@ -166,8 +147,6 @@ def _of_table(file: Path, kind: Kind, said: Instructions) -> list[Draft]:
 
 
 def _check_file(file: Path) -> None:
-    if file.is_dir():
-        raise BadInputError(f"{file}: is a folder: name the files to import, as in {file}/*.ddf")
     try:
         with file.open("rb") as stream:
             empty = not stream.read(1)

@@ -42,6 +42,7 @@ class CellTrial:
     ``servo_residual_mm`` (recorded position less the nominal servo's) plain averages of what was recorded;
     ``servo_signature_mm`` (n, 2) the change of the servo's position by ln(natural frequency) and ln(damping);
     ``phase`` indexes PHASE_NAMES (-1: none).
+    ``condition`` is what was stated of the trial, and which of the motions that were run so is its own.
     ``pressed_before`` holds the indentations before this one: depth (mm) and how long before the first sample it
     ended (s). ``study_depth_mm`` is the largest depth of all trials that are compared.
     """
@@ -206,18 +207,12 @@ def find_contact(trial: Trial, motion: Motion) -> tuple[float, float]:
 
 
 def condition_of(trial: Trial) -> str:
-    """Return the name of a trial's condition: same kind, depth, speed and hold."""
+    """Return what was stated of a trial: kind, depth, speed and hold, as far as the file says."""
     p = trial.protocol
     parts: list[str] = [trial.kind]
     for value, unit in ((p.depth_mm, "mm"), (p.ramp_speed_mm_s, "mm/s"), (p.hold_s, "s")):
         if value is not None:
             parts.append(f"{value:.4g} {unit}")
-    if len(parts) == 1:
-        # nothing was said of it: as it was run, coarsely, so that repeats still count as such
-        for name in ("ramp", "hold", "sweep"):
-            phase = trial.phase(name)
-            if phase is not None:
-                parts.append(f"{name} of {(phase.stop - phase.start) / trial.sample_rate_hz:.1g} s")
     return " ".join(parts)
 
 

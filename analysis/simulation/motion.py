@@ -29,6 +29,8 @@ VELOCITY_WINDOW_S = 0.002
 KINK_MM_S = 0.3
 UNKNOWN_DRIVE = 30.0
 SMALLEST_NOISE_MM = 2e-4
+SERVO_SAMPLES = 8
+"""Fewest samples on either side of a kink: a recording with less in NEAR_KINK_S is too slow to show a servo."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,8 +78,8 @@ def find_kinks(trial: Trial) -> IntArray:
 def fit_servo(trials: list[Trial]) -> tuple[float, float]:
     """Return natural frequency (rad/s) and damping ratio that explain recorded position best.
 
-    Only samples near kinks carry information on the servo. Without a command, or where nothing moves, the
-    nominal servo is returned.
+    Only samples near kinks carry information on the servo. Without a command, where nothing moves, or where
+    samples are too far apart to show a servo, the nominal one is returned.
     """
     pieces = []
     for trial in trials:
@@ -86,6 +88,8 @@ def fit_servo(trials: list[Trial]) -> tuple[float, float]:
             continue
         kinks = find_kinks(trial)
         half = round(NEAR_KINK_S * trial.sample_rate_hz)
+        if half < SERVO_SAMPLES:
+            continue
         for k in kinks:
             lo, hi = max(0, k - half), min(trial.n_samples, k + half)
             u = command_mm[lo:hi]
@@ -100,7 +104,7 @@ def fit_servo(trials: list[Trial]) -> tuple[float, float]:
         wn, zeta = np.exp(log_p)
         out = []
         for u, x, rate in pieces[:60]:
-            lead = np.polynomial.polynomial.polyfit(np.arange(8.0), u[:8], 1)
+            lead = np.polynomial.polynomial.polyfit(np.arange(float(SERVO_SAMPLES)), u[:SERVO_SAMPLES], 1)
             ramp_in = lead[0] + lead[1] * np.arange(-200.0, 0.0)
             model = follow(np.concatenate([ramp_in, u]), rate, wn, zeta).position_mm[200:]
             r = x - model

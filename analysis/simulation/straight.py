@@ -27,7 +27,7 @@ def straightened(command_mm: FloatArray, kinks: Sequence[int]) -> FloatArray:
     """
     bends = np.abs(np.diff(command_mm, 2))
     steps = bends[(bends > NEVER_A_STEP_MM) & (bends < LARGEST_STEP_MM)]
-    if len(steps) < len(command_mm) // 200:
+    if len(steps) <= len(command_mm) // 200:
         return command_mm
     step = float(np.quantile(steps, 0.1))
     out = command_mm.copy()

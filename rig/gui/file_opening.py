@@ -34,7 +34,7 @@ class FileOpening(QObject):
                 self._worker.ask(
                     f"the import of {path.name}",
                     bring_in,
-                    [path.absolute()],
+                    path.absolute(),
                     (folder or path.absolute().parent) / _IMPORTED,
                     then=partial(self._imported, path),
                     failed=self.failed.emit,

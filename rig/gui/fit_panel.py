@@ -19,7 +19,7 @@ from PySide6.QtWidgets import (
 )
 
 from analysis.relaxation.result import TrialFit
-from analysis.relaxation.study import Summary, summarise, value_of
+from analysis.relaxation.study import Summary, depth_level, summarise, value_of
 from rig.gui.controls import say, words
 from rig.gui.habits import Habits
 from rig.gui.jobs.fitting import FitPicture, fit_rows, picture_fit
@@ -39,6 +39,7 @@ _ROWS = (
     ("stiffness_mn_per_um", "stiffness", "mN/um", "A0 by depth"),
 )
 _COLUMNS = ("", "this trial", "study so far", "n")
+_LONGEST = "0.00000 ± 0.00000"
 
 
 class FitPanel(QWidget):
@@ -169,8 +170,13 @@ class FitPanel(QWidget):
         header.setSectionResizeMode(0, QHeaderView.ResizeMode.Interactive)
         header.setSectionResizeMode(3, QHeaderView.ResizeMode.Interactive)
         measure = QFontMetrics(table.font())
-        header.resizeSection(0, measure.horizontalAdvance("stiffness, mN/um  "))
-        header.resizeSection(3, measure.horizontalAdvance("0000  "))
+        sides = [measure.horizontalAdvance(text) for text in ("stiffness, mN/um  ", "0000  ")]
+        header.resizeSection(0, sides[0])
+        header.resizeSection(3, sides[1])
+        # a number with its error is read whole, or not at all
+        table.setMinimumWidth(
+            sum(sides) + 2 * measure.horizontalAdvance(f"{_LONGEST}  ") + 2 * table.frameWidth()
+        )
         height = measure.height() + 6
         table.verticalHeader().setDefaultSectionSize(height)
         table.verticalHeader().setMinimumSectionSize(height)
@@ -240,7 +246,7 @@ class FitPanel(QWidget):
             return {}
         folder = Path(picture.path).parent
         rows = [row for path, row in self._rows.items() if Path(path).parent == folder]
-        depth_mm = round(picture.row.depth_mm or 0.0, 2)
+        depth_mm = depth_level(picture.row.depth_mm)
         for group in summarise(rows).groups:
             if (group.finger, group.depth_mm) == (picture.row.finger, depth_mm):
                 return group.columns

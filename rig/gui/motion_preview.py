@@ -47,9 +47,12 @@ class MotionPreview(QWidget):
             pg.InfiniteLine(angle=0, label="travel ends", labelOpts={"position": 0.9}) for _ in (0, 1)
         ]
         self._safe = pg.InfiniteLine(angle=0, label="safe position", labelOpts={"position": 0.9})
+        self._deepest = pg.InfiniteLine(
+            angle=0, label="deepest that this rig may press", labelOpts={"position": 0.3}
+        )
         self._skin = pg.InfiniteLine(angle=0, movable=True, label="skin, as assumed: move me")
         self._skin.label.setPosition(0.3)
-        for line in (*self._limits, self._safe, self._skin):
+        for line in (*self._limits, self._deepest, self._safe, self._skin):
             self.view.addItem(line)
         self._skin.sigPositionChangeFinished.connect(
             lambda line: self.surface_moved.emit(float(line.value()))
@@ -86,8 +89,9 @@ class MotionPreview(QWidget):
         for line in self._limits:
             line.setPen(pg.mkPen(theme.bad, width=2))
         self._safe.setPen(pg.mkPen(theme.good, width=1, style=dotted))
+        self._deepest.setPen(pg.mkPen(theme.bad, width=1, style=dashed))
         self._skin.setPen(pg.mkPen(theme.curves[1], width=2, style=dashed))
-        for line in (*self._limits, self._safe, self._skin):
+        for line in (*self._limits, self._deepest, self._safe, self._skin):
             line.label.setColor(theme.text)
         self._draw()
 
@@ -100,12 +104,15 @@ class MotionPreview(QWidget):
         self._limits[1].setValue(lever.travel_max_mm)
         self._safe.setValue(lever.safe_position_mm)
         motion = self._motion()
-        self._skin.setVisible(motion is not None and any(leg.phase == "approach" for leg in motion.legs))
+        presses = motion is not None and any(leg.phase == "approach" for leg in motion.legs)
+        for line in (self._skin, self._deepest):
+            line.setVisible(presses)
         if motion is None or self._preview is None:
             self._path.setData([], [])
             say(self._beyond, "")
             return
         self._skin.setValue(self._preview.surface_mm)
+        self._deepest.setValue(self._preview.surface_mm + lever.depth_max_mm)
         for leg in motion.legs:
             ground = pg.LinearRegionItem((leg.start_s, leg.stop_s), movable=False, pen=pg.mkPen(None))
             ground.setBrush(pg.mkBrush(self._theme.phase(leg.phase)))

@@ -8,9 +8,7 @@ from typing import Any
 from PySide6.QtGui import QColor, QFont, QPalette
 from PySide6.QtWidgets import QApplication
 
-BLUE, VERMILLION, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
-ORANGE, SKY = "#E69F00", "#56B4E9"
-"""Okabe and Ito's colours."""
+from analysis.figures import BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILLION, YELLOW
 
 _FONT_PT = 10.0
 
@@ -77,7 +75,7 @@ DARK = Theme(
     bad="#ff9a66",
     good="#4fd0a6",
     note="#f0c060",
-    curves=(SKY, ORANGE, "#2cc79b", PURPLE, "#F0E442", "#eceef1"),
+    curves=(SKY, ORANGE, "#2cc79b", PURPLE, YELLOW, "#eceef1"),
     phases=(
         ("approach", "#24272d"),
         ("ramp", "#1d3040"),

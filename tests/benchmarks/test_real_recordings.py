@@ -20,7 +20,7 @@ import pytest
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from analysis.mismatch.diagnose import diagnose_paths
-from analysis.recordings.importing import import_files
+from analysis.recordings.importing import import_recordings
 from analysis.recordings.trial import Kind
 
 RECORDINGS = Path(__file__).parents[3] / "shared" / "recordings"
@@ -72,7 +72,9 @@ def said(
     def diagnosed(title: str, expected: str, files: list[Path], kind: Kind | None = None) -> dict[str, Any]:
         if not all(f.exists() for f in files):
             pytest.skip(f"the recordings are not there: {RECORDINGS}")
-        page = diagnose_paths(import_files(files, tmp_path / title, kind), out=folder / title)
+        imported, refused = import_recordings(files, tmp_path / title, kind)
+        assert not refused
+        page = diagnose_paths([one.path for one in imported], out=folder / title)
         report: dict[str, Any] = json.loads((page.parent / "report.json").read_text(encoding="utf-8"))
         everything.append(Said(title, expected, report))
         print(f"\nexpected: {expected}")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from analysis.recordings.importing import import_files
+from analysis.recordings.importing import import_recordings
 from analysis.relaxation.batch import fit_paths
 
 pytestmark = pytest.mark.benchmark
@@ -24,7 +24,8 @@ def test_one_ramp_fitted_the_others_predicted(tmp_path: Path):
             rows = [f"{float(r['Time']) - 2.0},{float(r['L']) - 0.95},{r['F']}" for r in csv.DictReader(read)]
         target.write_text("\n".join(["time_s,position_mm,force_mn", *rows]) + "\n")
         files.append(target)
-    fit_paths(import_files(files, tmp_path / "trials", None), out=tmp_path / "out", jobs=1)
+    imported, _ = import_recordings(files, tmp_path / "trials")
+    fit_paths([one.path for one in imported], out=tmp_path / "out", jobs=1)
     document = json.loads((tmp_path / "out" / "fits.json").read_text())
     print("\neach ramp fitted (position is stretch over L0, force kPa)")
     for trial in document["trials"]:

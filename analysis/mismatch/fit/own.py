@@ -17,6 +17,7 @@ FloatArray = NDArray[np.float64]
 
 STEP_LOG = 1e-4
 STEP_OF_DEPTH = 1e-5
+NOTHING = 1e-13
 
 
 @dataclass(frozen=True)
@@ -140,7 +141,8 @@ class Projector:
         Q, R = orthonormal(own.columns)
         H = R.T @ R + own.prior
         root = 1.0 / np.sqrt(np.maximum(np.diag(H), 1e-300))
-        H = H * np.outer(root, root)
+        # a column that the trial shows nothing of (its contact out of reach) takes nothing
+        H = H * np.outer(root, root) + NOTHING * np.eye(len(R))
         kept = np.eye(len(R)) - (R * root) @ np.linalg.solve(H, (R * root).T)
         values, vectors = np.linalg.eigh(0.5 * (kept + kept.T))
         values = np.clip(values, 0.0, 1.0)

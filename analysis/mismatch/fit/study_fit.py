@@ -107,7 +107,8 @@ def tissue_likelihood(own: OwnColumns, state: TrialState) -> tuple[FloatArray, F
     others = np.array([k for k in range(own.n_own) if not own.tissue.start <= k < own.tissue.stop], dtype=int)
     J, X = own.columns[:, own.tissue], own.columns[:, others]
     H_o = X.T @ X + own.prior[np.ix_(others, others)]
-    taken = np.linalg.solve(H_o, X.T @ J)
+    # the least of all solutions: a contact out of reach moves nothing, and takes nothing
+    taken = np.linalg.lstsq(H_o, X.T @ J, rcond=None)[0]
     H = J.T @ J - J.T @ X @ taken
     # at the fitted state the others' gradient is zero with their pull
     g = J.T @ own.residual - taken.T @ (X.T @ own.residual + own.pull[others])

@@ -14,6 +14,8 @@ WEAK = 0.5
 """Before anything is known a constant is known to half its logarithm: tissues of one kind differ by less."""
 PLAUSIBLE = 0.4
 """No population of skin scatters by more (published: 0.1 to 0.2): what would need it is something else than tissue."""
+DECADE = 2.3
+"""A mean is known to a decade before the trials were seen: constants that do not show must not run away."""
 PRIOR_TRIALS = 2.0
 PRIOR_SCATTER = 0.02
 
@@ -57,7 +59,11 @@ def estimate(
             # the mean by generalised least squares: a trial weighs (H^-1 + covariance)^-1
             total += precision @ C @ H
             weighed += precision @ C @ Ht
-        mean = np.asarray(np.linalg.solve(total, weighed), dtype=np.float64)
+        # what no trial says anything of stays where it was
+        mean = np.asarray(
+            np.linalg.solve(total + np.eye(size) / DECADE**2, weighed + start.mean / DECADE**2),
+            dtype=np.float64,
+        )
         D = np.array(means) - mean
         scale = D.T @ D + spread + PRIOR_TRIALS * PRIOR_SCATTER**2 * np.eye(size)
         values, vectors = np.linalg.eigh(scale / (len(likelihoods) + PRIOR_TRIALS))

@@ -111,7 +111,10 @@ def scan_oscillations(fit: StudyFit) -> OscillationScan:
             values, vectors = np.linalg.eigh(white[:, a:b].T @ white[:, a:b])
             own.append((np.maximum(values, 0.0), (scores[a:b] @ vectors) ** 2))
         energies.append(own)
-    typical = 1.0 / np.sqrt(float(np.median([v.max() for own in energies for v, _ in own])))
+    shown = [float(v.max()) for own in energies for v, _ in own]
+    if not np.median(shown) > 0.0:  # nothing touches, or samples are too far apart for any of them
+        return nothing
+    typical = 1.0 / np.sqrt(float(np.median(shown)))
     best = nothing
     for strength in SIZES:
         v = (float(strength) * typical) ** 2

@@ -10,6 +10,7 @@ from typing import Any, Literal
 from analysis.mismatch.levels import LEVEL
 from analysis.mismatch.name.finding import Quantity
 from analysis.mismatch.propose.proposal import NextExperiment
+from analysis.mismatch.study.intake import Setting
 
 Verdict = Literal["no_mismatch", "named", "one_of", "unknown"]
 Signal = Literal["force", "position"]
@@ -20,7 +21,7 @@ class Window:
     """Where simulation and recording differ: phase, and time from a trial's first sample (median of trials).
 
     ``mean_residual_mn`` and ``rms_mn`` speak of the force (None in the position), ``mean_residual_um`` of the
-    position (None in the force).
+    position (None in the force). ``after_naming``: what is left beside everything that was found.
     """
 
     signal: Signal
@@ -33,6 +34,7 @@ class Window:
     conditions: str
     rms_mn: float | None = None
     mean_residual_um: float | None = None
+    after_naming: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +106,9 @@ class Report:
     notes: tuple[str, ...]
     tolerance_mn: float
     seed: int
+    peak_force_mn: float
+    setting: Setting
+    imports: tuple[tuple[str, tuple[str, ...]], ...]
 
     def as_json(self) -> dict[str, Any]:
         """Return the report as JSON knows it: no NaN, no infinity."""

@@ -10,18 +10,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.figures import COLOURS, save_figures
+from analysis.figures import BLUE, COLOURS, VERMILLION, YELLOW, save_figures
 from analysis.mismatch.diagnosis import Diagnosis
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.report.contents import Report, Window
+from analysis.mismatch.report.wording import scaled
 from analysis.recordings.trial import PHASE_NAMES
 from analysis.simulation.cells import CellTrial
 
 FloatArray = NDArray[np.float64]
 
-RECORDED, BASELINE, IMPROVED, WINDOW = "#666666", "#D55E00", "#0072B2", "#F0E442"
+RECORDED, BASELINE, IMPROVED, WINDOW = "#666666", VERMILLION, BLUE, YELLOW
 _GRID = 160
 _WIDEST_S = 0.4
+_SETTLING_S = 0.03
+_FEWEST_SAMPLES = 30
+_FEWEST_POINTS = 4
 _SIGNED = {"approach": "depth (mm)", "retract": "depth (mm)"}
 
 
@@ -63,21 +67,31 @@ def _trial(figure: Any, diagnosis: Diagnosis, report: Report) -> None:
     shown = trial.fitted
     focus = _own_window(trial, force[0], before - after) if force else None
     different = bool(diagnosis.findings)
+    factor, unit = scaled(report.peak_force_mn, "mN")
     for column, span in enumerate((None, focus or _motion_of(trial))):
         above, below = panels[0, column], panels[1, column]
         part = shown if span is None else shown & (trial.time_s >= span[0]) & (trial.time_s <= span[1])
         t = trial.time_s[part]
         above.plot(
-            t, trial.force_mn[part], ".", ms=2.2, color=RECORDED, alpha=0.5, label="recorded", rasterized=True
+            t,
+            factor * trial.force_mn[part],
+            ".",
+            ms=2.2,
+            color=RECORDED,
+            alpha=0.5,
+            label="recorded",
+            rasterized=True,
         )
-        above.plot(t, (trial.force_mn - before)[part], "--", lw=1.3, color=BASELINE, label="simulation")
+        above.plot(
+            t, factor * (trial.force_mn - before)[part], "--", lw=1.3, color=BASELINE, label="simulation"
+        )
         if different:
             label = "with what was left out"
-            above.plot(t, (trial.force_mn - after)[part], "-", lw=1.2, color=IMPROVED, label=label)
+            above.plot(t, factor * (trial.force_mn - after)[part], "-", lw=1.2, color=IMPROVED, label=label)
         width = _smoothing(trial, part)
-        below.plot(t, _smooth(before[part], width), color=BASELINE, lw=1.0)
+        below.plot(t, factor * _smooth(before[part], width), color=BASELINE, lw=1.0)
         if different:
-            below.plot(t, _smooth(after[part], width), color=IMPROVED, lw=1.0)
+            below.plot(t, factor * _smooth(after[part], width), color=IMPROVED, lw=1.0)
         below.axhline(0.0, color="black", lw=0.5)
         if focus:
             for axes in (above, below):
@@ -86,9 +100,10 @@ def _trial(figure: Any, diagnosis: Diagnosis, report: Report) -> None:
         below.set_xlabel("time since the trial's first sample (s)")
         if span is not None:
             below.locator_params(axis="x", nbins=4)  # a short stretch far from zero has long labels
-    panels[0, 0].set_ylabel("force (mN)")
-    panels[1, 0].set_ylabel("recorded − simulated\n(mN)")
-    panels[0, 0].legend(loc="best", markerscale=3)
+    panels[0, 0].set_ylabel(f"force ({unit})")
+    panels[1, 0].set_ylabel(f"recorded − simulated\n({unit})")
+    handles, labels = panels[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=len(labels), markerscale=3)
     panels[0, 0].set_title(Path(trial.label).stem, fontsize=9, loc="left")
     panels[0, 1].set_title("the marked stretch, enlarged" if focus else "the ramp", fontsize=9, loc="left")
 
@@ -133,12 +148,16 @@ def _smooth(values: FloatArray, width: int) -> FloatArray:
 def _residual(figure: Any, diagnosis: Diagnosis, report: Report) -> None:
     """Mean residual over trials of each condition, phase by phase, before (above) and after (below)."""
     trials = diagnosis.baseline.fit.trials
-    phases = [p for p in PHASE_NAMES if any((t.in_phase(p) & t.fitted).sum() > 3 for t in trials)]
-    fits = [("simulation", diagnosis.baseline.fit)]
+    base = diagnosis.baseline.fit
+    left = [base.residual_mn(j) for j in range(len(trials))]
+    phases = [p for p in PHASE_NAMES if _shows(trials, left, [s.z0_mm for s in base.states], p)]
+    factor, unit = scaled(report.peak_force_mn, "mN")
+    fits = [("simulation", base)]
     if diagnosis.findings:
         fits.append(("with what was left out", diagnosis.improved.fit))
     panels = figure.subplots(len(fits), len(phases), sharey=True, sharex="col", squeeze=False)
     conditions = _few_conditions(trials)
+    drawn: dict[str, Any] = {}
     for row, (name, fit) in enumerate(fits):
         residuals = [fit.residual_mn(j) for j in range(len(trials))]
         for column, phase in enumerate(phases):
@@ -146,9 +165,9 @@ def _residual(figure: Any, diagnosis: Diagnosis, report: Report) -> None:
             for k, (label, members) in enumerate(conditions):
                 found = phase_curve(trials, residuals, [s.z0_mm for s in fit.states], phase, members)
                 if found is not None:
-                    axes.plot(
-                        *found, lw=0.9, color=COLOURS[k % len(COLOURS)], label=label if not column else None
-                    )
+                    measure, mean_mn = found
+                    (line,) = axes.plot(measure, factor * mean_mn, lw=0.9, color=COLOURS[k % len(COLOURS)])
+                    drawn.setdefault(label, line)
             axes.axhline(0.0, color="black", lw=0.5)
             if phase in ("hold", "dwell", "clear"):
                 axes.set_xscale("log")
@@ -163,10 +182,20 @@ def _residual(figure: Any, diagnosis: Diagnosis, report: Report) -> None:
                 axes.set_xlabel(
                     _SIGNED.get(phase, "share of it" if phase in ("ramp", "sweep") else "since start (s)")
                 )
-        panels[row, 0].set_ylabel(f"{name}\nmean residual (mN)")
-    handles, labels = panels[0, 0].get_legend_handles_labels()
-    if len(handles) > 1:
-        figure.legend(handles, labels, loc="outside lower center", ncols=min(4, len(labels)), fontsize=7)
+        panels[row, 0].set_ylabel(f"{name}\nmean residual ({unit})")
+    if len(drawn) > 1:
+        shown = {label: drawn[label] for label, _ in conditions if label in drawn}
+        figure.legend(
+            shown.values(), shown.keys(), loc="outside lower center", ncols=min(4, len(shown)), fontsize=7
+        )
+
+
+def _shows(
+    trials: Sequence[CellTrial], residuals: Sequence[FloatArray], z0s_mm: Sequence[float], phase: str
+) -> bool:
+    """Whether a phase has a curve to draw, and no lonely points."""
+    curve = phase_curve(trials, residuals, z0s_mm, phase, range(len(trials)))
+    return curve is not None and len(curve[0]) >= _FEWEST_POINTS
 
 
 def _few_conditions(trials: Sequence[CellTrial]) -> list[tuple[str, list[int]]]:
@@ -229,25 +258,34 @@ def phase_curve(
 
 
 def _position(figure: Any, diagnosis: Diagnosis, report: Report) -> None:
-    """Mean of recorded position less the nominal servo's, about the changes of speed."""
+    """Mean of recorded position less the nominal servo's: about the changes of speed, a sweep whole."""
     used = [t for t in diagnosis.intake.trials if t.has_command]
     phases = list(dict.fromkeys(w.phase for w in report.mismatch if w.signal == "position"))[:4]
     panels = figure.subplots(1, len(phases), sharey=True, squeeze=False)
     for axes, phase in zip(panels[0], phases, strict=True):
+        shown = [(t, np.flatnonzero(t.in_phase(phase))) for t in used]
+        shown = [(t, inside) for t, inside in shown if inside.size >= 4]
+        if not shown:
+            continue
+        span_s = _position_span_s(phase, shown)
+        # from a little before the phase: what lags behind shows where the motion changes
+        grid = np.linspace(-span_s / 15.0, span_s, _GRID)
         curves = []
-        for t in used:
-            inside = np.flatnonzero(t.in_phase(phase))
-            if inside.size < 4:
-                continue
-            # from a little before the phase: what lags behind shows where the motion changes
-            first = t.time_s[inside[0]]
-            near = (t.time_s > first - 0.002) & (t.time_s < min(first + 0.03, t.time_s[inside[-1]] + 0.01))
-            grid = np.linspace(-0.002, 0.03, _GRID)
+        for t, inside in shown:
+            first, last = t.time_s[inside[0]], t.time_s[inside[-1]]
+            near = (t.time_s > first + grid[0]) & (t.time_s < min(first + span_s, last + span_s / 3.0))
             offset = float(np.median(t.servo_residual_mm))
             curves.append(np.interp(grid, t.time_s[near] - first, t.servo_residual_mm[near] - offset))
-        if curves:
-            axes.plot(1e3 * grid, 1e3 * np.mean(curves, axis=0), color=BASELINE, lw=1.1)
+        factor, unit = (1e3, "ms") if span_s < 1.0 else (1.0, "s")
+        axes.plot(factor * grid, 1e3 * np.mean(curves, axis=0), color=BASELINE, lw=1.1)
         axes.axhline(0.0, color="black", lw=0.5)
         axes.set_title(phase, fontsize=9)
-        axes.set_xlabel("since its start (ms)")
+        axes.set_xlabel(f"since its start ({unit})")
     panels[0, 0].set_ylabel("recorded − nominal servo\n(um)")
+
+
+def _position_span_s(phase: str, shown: Sequence[tuple[CellTrial, NDArray[np.int64]]]) -> float:
+    """Return how much of a phase is drawn (s): what a servo takes to settle, or what a few samples show."""
+    longest = max(float(t.time_s[inside[-1]] - t.time_s[inside[0]]) for t, inside in shown)
+    slowest_hz = min(t.sample_rate_hz for t, _ in shown)
+    return longest if phase == "sweep" else min(max(_SETTLING_S, _FEWEST_SAMPLES / slowest_hz), longest)

@@ -13,13 +13,16 @@ from analysis.mismatch.evidence.heldout import FEWEST_HELD_OUT
 from analysis.mismatch.model.words import listed, spoken
 from analysis.mismatch.report import wording
 from analysis.mismatch.report.contents import Report, Window
+from analysis.mismatch.report.setting import fitting
+from analysis.mismatch.report.wording import constants_told
 
-_VERDICTS = {
+VERDICTS = {
     "no_mismatch": "The simulation explains the recordings",
     "named": "Found what the simulation left out",
     "one_of": "Found, but more than one mechanism would explain it",
     "unknown": "Something differs that no mechanism of the library explains",
 }
+_UNTOLD = "does not show"
 _CAPTIONS = {
     "trial": "One trial. Points: recorded force; broken line: the simulation; solid line: the simulation "
     "with what was left out. Below each, what is left. Where they differ most is marked, and enlarged on the "
@@ -40,12 +43,17 @@ def write_page(path: Path, report: Report, figures: Mapping[str, Path]) -> None:
     )
     html = environment.get_template("report.html.j2").render(
         report=report,
-        headline=_VERDICTS[report.verdict],
+        headline=VERDICTS[report.verdict],
         figures=[
-            {"data": base64.b64encode(png.read_bytes()).decode(), "caption": _CAPTIONS[name], "name": name}
+            {
+                "data": base64.b64encode(png.read_bytes()).decode(),
+                "caption": fitting(_CAPTIONS[name], report.setting),
+                "name": name,
+            }
             for name, png in figures.items()
         ],
-        windows=[_window_cells(w) for w in report.mismatch],
+        windows=[_window_cells(w) for w in windows_of(report.mismatch, after_naming=False)],
+        left=[_window_cells(w) for w in windows_of(report.mismatch, after_naming=True)],
         remainder=[_window_cells(w) for w in report.remainder.where] if report.remainder else [],
         mechanisms=[
             {
@@ -70,19 +78,54 @@ def write_page(path: Path, report: Report, figures: Mapping[str, Path]) -> None:
         ],
         tissue=_tissue_rows(report),
         hidden=[
-            {"name": spoken(n.name), "reason": n.reason, "way": spoken(n.separated_by)}
+            {
+                "name": spoken(n.name),
+                "reason": n.reason,
+                "way": fitting(spoken(n.separated_by), report.setting),
+            }
             for n in report.not_identifiable
         ],
         sure=_sure_rows(report),
         explained=wording.percent(report.explained_share),
         tolerance=wording.force(report.tolerance_mn),
         left_over=wording.force(report.remainder.rms_mn) if report.remainder else "",
+        left_of_peak=wording.percent(report.remainder.rms_mn / report.peak_force_mn)
+        if report.remainder
+        else "",
+        share_left=wording.percent(report.remainder.share) if report.remainder else "",
+        of_peak=_of_peak(report),
+        floor_source=_floor_source(report),
+        say=lambda text: fitting(text, report.setting),
         chance=wording.chance(report.heldout.p_value) if report.n_trials >= FEWEST_HELD_OUT else "",
         separations=_separations(report),
         date=datetime.now().astimezone().strftime("%Y-%m-%d"),
         version=version("indenter"),
     )
     path.write_text(html, encoding="utf-8")
+
+
+def windows_of(windows: Sequence[Window], *, after_naming: bool) -> list[Window]:
+    """Return the windows before or after naming."""
+    return [w for w in windows if w.after_naming == after_naming]
+
+
+def _of_peak(report: Report) -> str:
+    """Say what the errors are of the peak force."""
+    h = report.heldout
+    shares = [wording.percent(rms / report.peak_force_mn) for rms in (h.baseline_rms_mn, h.improved_rms_mn)]
+    floor = wording.percent(h.noise_floor_mn / report.peak_force_mn)
+    peak = wording.force(report.peak_force_mn, 3)
+    return f"Of the largest force ({peak}) that is {shares[0]} before, {shares[1]} after, and {floor} noise."
+
+
+def _floor_source(report: Report) -> str:
+    """Say where the noise floor comes from."""
+    if report.n_trials >= FEWEST_HELD_OUT:
+        return (
+            "The noise floor was measured on these recordings while the drive rests: it is what differs between "
+            "repeats of one motion or, where a motion was run once, what its fit leaves."
+        )
+    return "The noise floor was measured on these recordings as what the fit leaves while the drive rests."
 
 
 def _window_cells(window: Window) -> dict[str, Any]:
@@ -95,7 +138,7 @@ def _window_cells(window: Window) -> dict[str, Any]:
         if position
         else _force(window.mean_residual_mn, signed=True),
         "rms": _force(window.rms_mn),
-        "share": f"{100 * window.share_of_mismatch:.2g} %",
+        "share": wording.percent(window.share_of_mismatch),
         "conditions": window.conditions,
         "p": wording.chance(window.p_value),
     }
@@ -111,6 +154,7 @@ def _signed(value: float | None, unit: str) -> str:
 
 def _tissue_rows(report: Report) -> list[dict[str, str]]:
     rows = []
+    told = constants_told(report.baseline_parameters), constants_told(report.improved_parameters)
     for name, before in report.baseline_parameters.items():
         after = report.improved_parameters.get(name)
         if after is None:
@@ -119,9 +163,13 @@ def _tissue_rows(report: Report) -> list[dict[str, str]]:
         rows.append(
             {
                 "label": wording.symbol(name),
-                "before": wording.with_error(before),
-                "after": wording.with_error(after),
-                "bias": wording.change_in_percent(change / 100) if abs(change) >= 0.01 else "none",
+                "before": wording.with_error(before) if name in told[0] else _UNTOLD,
+                "after": wording.with_error(after) if name in told[1] else _UNTOLD,
+                "bias": ""
+                if name not in told[0] & told[1]
+                else wording.change_in_percent(change / 100)
+                if abs(change) >= 0.01
+                else "none",
             }
         )
     return rows
@@ -138,7 +186,7 @@ def _sure_rows(report: Report) -> list[dict[str, str]]:
             "before": wording.force(c.baseline_rms_mn, 4),
             "after": wording.force(c.improved_rms_mn, 4),
             "floor": wording.force(c.noise_floor_mn, 4),
-            "chi2": f"{c.baseline_chi2:.3f} → {c.improved_chi2:.3f}",
+            "chi2": f"{c.baseline_chi2:.4g} → {c.improved_chi2:.4g}",
         }
         for what, c in compared
     ]

@@ -28,6 +28,8 @@ from analysis.simulation.mechanism import library
 SERVO = "servo_bandwidth"
 TOLERANCE_BELOW = 0.1
 BEGINS_IN_CONTACT = 0.02
+SMALLEST_SHARE = 0.005
+"""Share of the mismatch below which a window is not worth a row."""
 
 
 def make_report(diagnosis: Diagnosis, *, baseline: str, seed: int, tolerance_mn: float) -> Report:
@@ -41,7 +43,8 @@ def make_report(diagnosis: Diagnosis, *, baseline: str, seed: int, tolerance_mn:
     located = diagnosis.located or diagnosis.left
     mismatch = () if verdict == "no_mismatch" else (*force_windows(located), *position_windows(diagnosis))
     if verdict == "unknown" and mechanisms:
-        mismatch = (*force_windows(diagnosis.left), *mismatch)[:MOST_WINDOWS]
+        mismatch = (*force_windows(diagnosis.left, after_naming=True), *mismatch)[:MOST_WINDOWS]
+    mismatch = tuple(w for w in mismatch if w.share_of_mismatch >= SMALLEST_SHARE)
     report = Report(
         verdict=verdict,
         summary="",
@@ -61,6 +64,9 @@ def make_report(diagnosis: Diagnosis, *, baseline: str, seed: int, tolerance_mn:
         notes=(*diagnosis.intake.notes, *_notes(diagnosis, mechanisms), *tolerated),
         tolerance_mn=tolerance_mn,
         seed=seed,
+        peak_force_mn=max(float(np.ptp(t.force_mn)) for t in diagnosis.intake.trials),
+        setting=diagnosis.intake.setting,
+        imports=diagnosis.intake.imports,
     )
     return replace(report, summary=wording.summary(report))
 

@@ -34,7 +34,7 @@ def servo_named(diagnosis: Diagnosis) -> bool:
     )
 
 
-def force_windows(located: Sequence[Located]) -> tuple[Window, ...]:
+def force_windows(located: Sequence[Located], *, after_naming: bool = False) -> tuple[Window, ...]:
     """Return stretches of the force as the report's windows."""
     return tuple(
         Window(
@@ -47,6 +47,7 @@ def force_windows(located: Sequence[Located]) -> tuple[Window, ...]:
             share_of_mismatch=w.share,
             conditions=w.words,
             rms_mn=w.rms_mn,
+            after_naming=after_naming,
         )
         for w in located[:MOST_WINDOWS]
     )

@@ -23,6 +23,9 @@ TISSUE_WORDS = {
     "tau2_s": "tau2",
 }
 WORTH_SAYING = 0.01
+MANYFOLD = 9.0
+SHOWS = 1e-6
+"""Share of the stiffest constant below which one is only an optimum's way of saying nought."""
 
 
 def symbol(name: str) -> str:
@@ -65,6 +68,8 @@ def with_error(q: Quantity) -> str:
     unit = "" if q.unit == "1" else f" {q.unit}"
     if not np.isfinite(q.se) or q.se <= 0:
         return f"{q.value:.4g}{unit}"
+    if q.se >= abs(q.value):
+        return f"not settled (error {float(f'{q.se:.2g}'):g}{unit})"
     decimals = int(1 - np.floor(np.log10(q.se)))
     if decimals > 5 or decimals < -3 or abs(q.value) >= 1e5:
         return f"{q.value:.5g} ± {q.se:.2g}{unit}"
@@ -137,13 +142,26 @@ def place(window: Window) -> str:
     return f"{when}, by {force(window.rms_mn or 0.0)} rms"
 
 
+def constants_told(constants: Mapping[str, Quantity]) -> set[str]:
+    """Return the tissue's constants that the trials show: arms as stiff as matters, errors below the value."""
+    stiffest = max((q.value for name, q in constants.items() if name.startswith("k")), default=0.0)
+    shown = {
+        name: q.value > SHOWS * stiffest and q.se < q.value for name, q in constants.items() if name[0] == "k"
+    }
+    for tau, k in (("tau1_s", "k1_mn_per_mm"), ("tau2_s", "k2_mn_per_mm")):
+        if tau in constants:
+            shown[tau] = shown.get(k, False) and constants[tau].se < constants[tau].value
+    return {name for name, is_shown in shown.items() if is_shown}
+
+
 def bias_words(report: Report, least: float = 0.01) -> str:
     """Say what the mismatch had done to the tissue's parameters, the largest two."""
     moved = []
+    told = constants_told(report.baseline_parameters) & constants_told(report.improved_parameters)
     for name, spoken_name in TISSUE_WORDS.items():
-        before, after = report.baseline_parameters.get(name), report.improved_parameters.get(name)
-        if before is None or after is None or after.value == 0:
+        if name not in told:
             continue
+        before, after = report.baseline_parameters[name], report.improved_parameters[name]
         change = before.value / after.value - 1.0
         if abs(change) > least and abs(before.value - after.value) > 3.0 * max(after.se, 1e-12):
             moved.append((abs(change), f"{spoken_name} by {change_in_percent(change)}"))
@@ -230,13 +248,19 @@ def _headline(report: Report) -> str:
 
 
 def change_in_percent(change: float) -> str:
-    """Return a relative change in per cent, two digits, as it is read."""
+    """Return a relative change in per cent, two digits, as it is read; as a factor where per cent say nothing."""
+    if change > MANYFOLD:
+        return f"a factor of {float(f'{1.0 + change:.2g}'):g}"
     return f"{float(f'{100 * change:.2g}'):+g} %"
 
 
 def percent(share: float) -> str:
-    """Return a share in per cent, with the digits that tell it from all."""
-    return f"{100 * share:.{1 if share > 0.99 else 0}f} %"
+    """Return a share in per cent, with the digits that tell it from all and from nothing."""
+    if share >= 1.0 or share <= 0.0:
+        return f"{100 * share:.0f} %"
+    if share > 0.9995:
+        return "> 99.9 %"
+    return f"{100 * share:.1f} %" if share > 0.99 else f"{float(f'{100 * share:.2g}'):g} %"
 
 
 def p_words(report: Report) -> str:

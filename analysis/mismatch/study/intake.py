@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
 from analysis.errors import BadInputError
+from analysis.mismatch.study.repeats import with_conditions
 from analysis.recordings import read_trial
 from analysis.recordings.trial import Trial
 from analysis.simulation.cells import CellTrial, reduce_trial
 from analysis.simulation.motion import estimate_motion, fit_servo
 
+Setting = Literal["finger", "lever", "other"]
+"""A finger under a lever, another specimen under a lever, or another instrument."""
 DIAGNOSED = ("ramp_hold_retract", "air_sweep", "rigid_target")
 SERVO_TRIALS = 6
 SLOPE_TOLERANCE = 0.2
 MOVES_MM = 0.002
+UNCOMPUTABLE = (ArithmeticError, ValueError, IndexError)
+"""What arithmetic ends in on samples that nobody foresaw; numpy's LinAlgError is a ValueError."""
 
 
 @dataclass(frozen=True)
@@ -29,32 +35,49 @@ class Intake:
     servo: tuple[float, float]
     punch_diameter_mm: float | None
     notes: tuple[str, ...] = ()
+    setting: Setting = "finger"
+    imports: tuple[tuple[str, tuple[str, ...]], ...] = ()
+    """File and log of every trial that was imported."""
 
 
 def take_in(paths: Sequence[Path], *, hold_only: bool = False) -> Intake:
     """Read and reduce trial files one by one, so that memory holds cells and not recordings.
 
-    Raises BadInputError, one line that names the file, for what can't be compared.
+    A file that can't be compared is left out with its reason, and stops no other. Raises BadInputError, one line,
+    where none is left, or where the trials are of different rigs.
     """
     heads: list[Trial] = []
     left_out: list[str] = []
     for path in paths:
-        trial = read_trial(path)
-        reason = _not_diagnosed(trial)
+        try:
+            trial = read_trial(path)
+            reason = _not_diagnosed(trial)
+            if not reason:
+                check_trial(trial)
+                heads.append(_without_signals(trial, path))
+        except BadInputError as error:
+            reason = str(error).removeprefix(f"{path}: ").removeprefix(f"{path.name}: ")
         if reason:
             left_out.append(f"{path.name}: {reason}")
-            continue
-        check_trial(trial)
-        heads.append(_without_signals(trial, path))
     if not heads:
-        why = f" ({left_out[0]})" if left_out else ""
-        raise BadInputError(
-            f"nothing to diagnose: no ramp-and-hold, air sweep or rigid target among the files{why}"
-        )
+        raise BadInputError(_nothing(left_out))
     check_together(heads)
     return _reduce(
-        heads, tuple(left_out), lambda head: replace(read_trial(Path(head.path)), path=head.path), hold_only
+        heads, left_out, lambda head: replace(read_trial(Path(head.path)), path=head.path), hold_only
     )
+
+
+def without_trials(taken: Intake, reasons: Mapping[int, str]) -> Intake:
+    """Return what was taken in without some trials, by their place, each with its reason."""
+    said = [f"{Path(taken.trials[j].label).name}: {why}" for j, why in reasons.items()]
+    kept = tuple(t for j, t in enumerate(taken.trials) if j not in reasons)
+    return replace(taken, trials=kept, left_out=(*taken.left_out, *said))
+
+
+def _nothing(left_out: Sequence[str]) -> str:
+    more = f"; and {len(left_out) - 1} more" if len(left_out) > 1 else ""
+    why = f" ({left_out[0]}{more})" if left_out else ""
+    return f"nothing to diagnose: no ramp-and-hold, air sweep or rigid target that can be compared{why}"
 
 
 def take_in_memory(trials: Sequence[Trial], *, hold_only: bool = False) -> Intake:
@@ -63,15 +86,13 @@ def take_in_memory(trials: Sequence[Trial], *, hold_only: bool = False) -> Intak
     for t in used:
         check_trial(t)
     if not used:
-        raise BadInputError(
-            "nothing to diagnose: no ramp-and-hold, air sweep or rigid target among the trials"
-        )
+        raise BadInputError(_nothing(()))
     check_together(used)
-    return _reduce(used, (), lambda trial: trial, hold_only)
+    return _reduce(used, [], lambda trial: trial, hold_only)
 
 
 def _reduce(
-    heads: Sequence[Trial], left_out: tuple[str, ...], load: Callable[[Trial], Trial], hold_only: bool
+    heads: Sequence[Trial], left_out: list[str], load: Callable[[Trial], Trial], hold_only: bool
 ) -> Intake:
     if hold_only and any(h.kind != "ramp_hold_retract" for h in heads):
         raise BadInputError(
@@ -84,19 +105,42 @@ def _reduce(
     cells: list[CellTrial] = []
     before: tuple[tuple[float, float], ...] = ()
     for order, head in enumerate(heads):
-        trial = load(head)
-        motion = estimate_motion(trial, *servo)
         rest_s = head.specimen.rest_s
         # where the rest is not known, nobody knows how much is left
         felt = tuple((d, ago_s + rest_s) for d, ago_s in before) if rest_s is not None else ()
-        cells.append(reduce_trial(trial, motion, order=order, pressed_before=felt, hold_only=hold_only))
+        try:
+            trial = load(head)
+            motion = estimate_motion(trial, *servo)
+            cells.append(reduce_trial(trial, motion, order=order, pressed_before=felt, hold_only=hold_only))
+        except UNCOMPUTABLE as error:
+            left_out.append(
+                f"{Path(head.path).name}: motion and contact can't be told from its samples ({error})"
+            )
+            continue
         if head.kind == "ramp_hold_retract":
             lasted_s = float(cells[-1].time_s[-1])
             before = ((cells[-1].depth_mm, 0.0), *((d, ago_s + lasted_s) for d, ago_s in felt))
+    if not cells:
+        raise BadInputError(_nothing(left_out))
+    cells = with_conditions(cells)
     skin = [c.study_depth_mm for c in cells if c.kind == "ramp_hold_retract"]
     if skin:
         cells = [replace(c, study_depth_mm=max(skin)) for c in cells]
-    return Intake(tuple(cells), left_out, servo, heads[0].specimen.punch_diameter_mm, _notes(heads))
+    return Intake(
+        tuple(cells),
+        tuple(left_out),
+        servo,
+        heads[0].specimen.punch_diameter_mm,
+        _notes(heads),
+        _setting(heads),
+        tuple((Path(h.path).name, h.log) for h in heads if h.source == "imported"),
+    )
+
+
+def _setting(heads: Sequence[Trial]) -> Setting:
+    if any(h.specimen.finger or h.source != "imported" for h in heads):
+        return "finger"
+    return "lever" if all(any(".ddf" in line for line in h.log[:1]) for h in heads) else "other"
 
 
 def _notes(heads: Sequence[Trial]) -> tuple[str, ...]:

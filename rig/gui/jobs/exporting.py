@@ -11,7 +11,7 @@ import numpy as np
 
 from analysis.errors import BadInputError
 from analysis.figures import COLOURS, save_figures
-from analysis.recordings.importing import import_files
+from analysis.recordings.importing import import_recordings
 from analysis.recordings.reading import read_trial
 from analysis.recordings.writing import replacing
 from analysis.relaxation.batch import fit_files
@@ -71,14 +71,15 @@ def export_figure(paths: Sequence[str], labels: Sequence[str], axes: Axes, out: 
         return str(save_figures(out, {name: (_INCHES, draw)})[name])
 
 
-def bring_in(files: Sequence[Path], out: Path) -> tuple[str, ...]:
-    """Import other programs' recordings into a folder; one that was imported there before is kept as it is."""
-    brought = []
-    for file in files:
-        target = out / f"{file.stem}.h5"
-        new = [] if target.exists() else import_files([file], out, None)
-        brought += [str(path) for path in new] or [str(target)]
-    return tuple(brought)
+def bring_in(file: Path, out: Path) -> tuple[str, ...]:
+    """Import another program's recording into a folder; one that was imported there before is kept as it is."""
+    kept = out / f"{file.stem}.h5"
+    if kept.exists():
+        return (str(kept),)
+    made, refused = import_recordings([file], out)
+    if refused:
+        raise BadInputError(refused[0].reason)
+    return tuple(str(one.path) for one in made)
 
 
 @contextmanager

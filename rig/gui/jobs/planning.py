@@ -164,6 +164,8 @@ def _beyond(
             )
     deepest_mm = max((leg.stop_mm for leg in legs), default=surface_mm)
     depth_mm = max((step.depth_mm for step in steps if isinstance(step, RampTo)), default=0.0)
+    if depth_mm > lever.depth_max_mm * (1 + 1e-9):
+        found.append(f"presses {depth_mm:g} mm deep: this rig allows {lever.depth_max_mm:g} mm")
     if deepest_mm > lever.travel_max_mm:
         found.append(
             f"reaches {deepest_mm:.2f} mm, the travel ends at {lever.travel_max_mm:g} mm: "

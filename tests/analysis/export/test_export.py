@@ -15,7 +15,7 @@ import pytest
 from analysis.errors import BadInputError
 from analysis.export.exporting import export_trials
 from analysis.recordings import read_trial, write_trial
-from analysis.recordings.importing import import_files
+from analysis.recordings.importing import import_recordings
 from analysis.recordings.trial import Event
 from rig.cli import main
 
@@ -49,8 +49,9 @@ def test_csv_comes_back_by_import(folder: Path, tmp_path: Path):
     assert (tmp_path / "csv" / "fits" / "fits.csv").read_text().count("\n") == 3
     for name in ("finger", "uneven"):
         before = read_trial(folder / f"{name}.h5")
-        (path,) = import_files([tmp_path / "csv" / f"{name}.csv"], tmp_path / "back", None)
-        after = read_trial(path)
+        (made,), refused = import_recordings([tmp_path / "csv" / f"{name}.csv"], tmp_path / "back")
+        assert not refused
+        after = read_trial(made.path)
         if before.native is not None:
             assert after.native is not None
             np.testing.assert_allclose(after.native.force_mn, before.native.force_mn, rtol=1e-6, atol=1e-6)

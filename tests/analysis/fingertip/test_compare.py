@@ -98,8 +98,7 @@ def test_a_concealed_ratio_is_found_and_the_homogeneous_pad_fails(
 ):
     """The surface comes from the full march on another mesh; noise of 5 um a place, seed fixed.
 
-    These meshes are coarse: they differ by more than the noise, so the ratio is asked for to a quarter only. What
-    the meshes in use reach is measured by the benchmark.
+    These meshes are coarse: they differ by more than the noise, which the interval knows.
     """
     sizes = {"contact_size_mm": 0.04, "size_mm": 1.0}
     other = coarse_pad.with_epidermis(0.27)
@@ -112,7 +111,9 @@ def test_a_concealed_ratio_is_found_and_the_homogeneous_pad_fails(
     surface = MeasuredSurface("s", _PLACES_MM, truth + noise, np.full(len(truth), _NOISE_MM))
     found = locate(surface, answers)
     assert found.ratio == pytest.approx(0.1, rel=0.25)
-    assert 1 < found.ratio_high / found.ratio_low < 2
+    assert found.ratio_low < 0.1 < found.ratio_high
+    assert found.ratio_high / found.ratio_low < 2.5
+    assert np.sqrt(np.mean(found.mesh_mm**2)) > _NOISE_MM / 5
     homogeneous, _, best = found.pads
     assert homogeneous.fails
     assert homogeneous.spans
@@ -121,6 +122,19 @@ def test_a_concealed_ratio_is_found_and_the_homogeneous_pad_fails(
     blind = locate(replace(surface, error_mm=np.full(len(truth), np.nan)), answers)
     assert blind.pads[0].fails
     assert blind.error_mm[0] == pytest.approx(_NOISE_MM, rel=0.8)
+
+
+def test_the_error_of_the_mesh_widens_the_interval(answers):
+    """A surface of the pad itself: with no error of the mesh its ratio is known to the noise, else less well."""
+    deflection = answers.layered_at(_PLACES_MM)(np.log(0.1), 0.3)
+    surface = MeasuredSurface("s", _PLACES_MM, deflection, np.full(len(deflection), _NOISE_MM))
+    sure = locate(surface, replace(answers, mesh_error=np.zeros_like(answers.mesh_error)))
+    honest = locate(surface, answers)
+    twice = locate(surface, replace(answers, mesh_error=2 * answers.mesh_error))
+    widths = [np.log(found.ratio_high / found.ratio_low) for found in (sure, honest, twice)]
+    assert widths[0] < widths[1] < widths[2]
+    for found in (sure, honest, twice):
+        assert found.ratio_low < 0.1 < found.ratio_high
 
 
 def test_the_page_says_what_fails_and_where(answers, tmp_path):

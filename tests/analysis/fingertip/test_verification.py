@@ -100,6 +100,16 @@ def test_a_frictionless_punch_is_softer_than_one_that_sticks(coarse_pad, punch):
     assert (force > 0.7 * np.array(sticking)).all()
 
 
+def test_a_punch_that_slides_pulls_nowhere_and_one_that_is_lifted_does(bodies):
+    mesh = bodies.half_space(0.25, 0.08, 0.02, 40.0, 2, PUNCH)
+    full = ElasticPad(mesh, (0.48, 0.48, 0.48), held="bone", held_along_y=PUNCH)
+    (answer,), _ = full.pressed(PUNCH, np.array([1.0]), np.ones(3))
+    assert full.pull_share(PUNCH, answer, np.ones(3)) == 0.0
+    lifted = answer.CreateVector()
+    lifted.data = -1.0 * answer
+    assert full.pull_share(PUNCH, lifted, np.ones(3)) == 1.0
+
+
 def test_relaxation_times_lie_between_the_materials(punch):
     """A force held back by elastic layers relaxes more slowly than its material, never faster (Rayleigh)."""
     core = Prony(60.0, ((50.0, 2.0), (40.0, 0.15)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from analysis.recordings.trial import Trial
 from sim_hardware.concealment.offline import TrialPlan, study_plans
 
 BENCH = "seed = {seed}\n[specimens]\npublished_tissue = true\n"
+Watch = Callable[[], AbstractContextManager[list[str]]]
 SHORT = {"hold_s": 2.0, "dwell_s": 0.4}
 
 
@@ -25,6 +27,8 @@ class Diagnosed:
     trials: Path
     out: Path
     report: dict[str, Any]
+    faults: Sequence[str] = ()
+    """Texts of the figures that are cut off or printed over each other."""
 
 
 def effect(name: str, **parameters: float) -> str:
@@ -59,32 +63,38 @@ def record(bench_trials: Callable[..., list[Trial]]) -> Callable[..., list[Trial
     return recorded
 
 
-def diagnosed(folder: Path, trials: Sequence[Trial], **options: Any) -> Diagnosed:
+def diagnosed(folder: Path, trials: Sequence[Trial], watched: Watch) -> Diagnosed:
     """Diagnose trials as the command does."""
     from analysis.mismatch.diagnose import diagnose_paths
 
     files = write_all(folder / "trials", trials)
-    page = diagnose_paths([files], out=folder / "out", **options)
-    return Diagnosed(
-        files, page.parent, json.loads((page.parent / "report.json").read_text(encoding="utf-8"))
-    )
+    with watched() as faults:
+        page = diagnose_paths([files], out=folder / "out")
+    report = json.loads((page.parent / "report.json").read_text(encoding="utf-8"))
+    return Diagnosed(files, page.parent, report, faults)
 
 
 @pytest.fixture(scope="session")
-def clinging(tmp_path_factory: pytest.TempPathFactory, record: Callable[..., list[Trial]]) -> Diagnosed:
+def clinging(
+    tmp_path_factory: pytest.TempPathFactory, record: Callable[..., list[Trial]], watched_figures: Watch
+) -> Diagnosed:
     """A study on skin that clings to the punch."""
     trials = record(21, effect("adhesion", pull_off_mn=5.0))
-    return diagnosed(tmp_path_factory.mktemp("clinging"), trials)
+    return diagnosed(tmp_path_factory.mktemp("clinging"), trials, watched_figures)
 
 
 @pytest.fixture(scope="session")
-def plain(tmp_path_factory: pytest.TempPathFactory, record: Callable[..., list[Trial]]) -> Diagnosed:
+def plain(
+    tmp_path_factory: pytest.TempPathFactory, record: Callable[..., list[Trial]], watched_figures: Watch
+) -> Diagnosed:
     """A study on a bench that does what the simulation says."""
-    return diagnosed(tmp_path_factory.mktemp("plain"), record(22))
+    return diagnosed(tmp_path_factory.mktemp("plain"), record(22), watched_figures)
 
 
 @pytest.fixture(scope="session")
-def alone(tmp_path_factory: pytest.TempPathFactory, record: Callable[..., list[Trial]]) -> Diagnosed:
+def alone(
+    tmp_path_factory: pytest.TempPathFactory, record: Callable[..., list[Trial]], watched_figures: Watch
+) -> Diagnosed:
     """A single trial."""
     trials = record(23, plans=study_plans(depths_mm=(0.5,), repeats=1, **SHORT))
-    return diagnosed(tmp_path_factory.mktemp("alone"), trials)
+    return diagnosed(tmp_path_factory.mktemp("alone"), trials, watched_figures)

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,7 +9,11 @@ import pytest
 
 from analysis.errors import BadInputError
 from analysis.mismatch.diagnose import diagnose_paths
+from analysis.mismatch.fit.study_fit import StudyFit
+from analysis.mismatch.report.contents import Report
+from analysis.mismatch.study.intake import take_in
 from analysis.recordings.trial import Trial
+from analysis.simulation.cells import CellTrial
 from sim_hardware.concealment.offline import study_plans
 
 
@@ -63,6 +67,52 @@ def test_missing_phase(refusal: Callable[..., str], pair: list[Trial]) -> None:
     message = refusal([without])
     assert "phase hold missing" in message
     assert "trial_00.h5" in message
+
+
+def test_a_bad_file_stops_no_other(tmp_path: Path, as_files: Callable[..., Path], pair: list[Trial]) -> None:
+    dead = replace(pair[1], force_v=np.zeros(pair[1].n_samples))
+    folder = as_files(tmp_path / "trials", [pair[0], dead])
+    (folder / "broken.h5").write_bytes(b"no trial")
+    taken = take_in(sorted(folder.iterdir()))
+    assert [Path(trial.label).name for trial in taken.trials] == ["trial_00.h5"]
+    broken, zero = taken.left_out
+    assert broken.startswith("broken.h5: ")
+    assert zero.startswith("trial_01.h5: the force is the same")
+    assert "\n" not in broken
+
+
+def test_a_trial_that_defeats_the_arithmetic_is_left_out(
+    tmp_path: Path, as_files: Callable[..., Path], pair: list[Trial], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from analysis.mismatch import diagnosis
+    from analysis.mismatch.fit import baseline
+
+    def fails(trials: Sequence[CellTrial], **_: object) -> StudyFit:
+        if any(trial.label.endswith("trial_01.h5") for trial in trials):
+            raise np.linalg.LinAlgError("Singular matrix")
+        return fit(trials)
+
+    fit = baseline.fit_baseline
+    monkeypatch.setattr(baseline, "fit_baseline", fails)
+    monkeypatch.setattr(diagnosis, "fit_baseline", fails)
+    shown: list[Report] = []
+    diagnose_paths([as_files(tmp_path / "trials", pair)], out=tmp_path / "out", show=shown.append)
+    assert shown[0].n_trials == 1
+    assert shown[0].left_out == ("trial_01.h5: the simulation can't be fitted to it (Singular matrix)",)
+
+
+def test_arithmetic_that_fails_over_all_is_one_line(
+    refusal: Callable[..., str], pair: list[Trial], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from analysis.mismatch import diagnosis
+
+    def fails(*_: object, **__: object) -> None:
+        raise FloatingPointError("overflow\nin exp")
+
+    monkeypatch.setattr(diagnosis, "diagnose", fails)
+    message = refusal(pair)
+    assert "trial_00.h5 and 1 more" in message
+    assert "overflow in exp" in message
 
 
 def test_all_zero_force(refusal: Callable[..., str], pair: list[Trial]) -> None:

@@ -12,7 +12,7 @@ import pytest
 
 from analysis.errors import BadInputError
 from analysis.recordings import read_trial
-from analysis.recordings.importing import import_files
+from analysis.recordings.importing import import_recordings
 from analysis.recordings.trial import Trial
 
 # seconds in which each lever stands at its 6 mm limit, read off the traces by eye
@@ -26,8 +26,17 @@ HOLDS = {
 }
 
 
+def _path_of(file: Path, out: Path, kind=None) -> Path:
+    """Import one file; raises what the command would say where it is refused."""
+    made, refused = import_recordings([file], out, kind)
+    if refused:
+        raise BadInputError(refused[0].reason)
+    (one,) = made
+    return one.path
+
+
 def _imported(file: Path, out: Path, kind=None) -> Trial:
-    (path,) = import_files([file], out, kind)
+    path = _path_of(file, out, kind)
     trial = read_trial(path)
     assert path == out / f"{file.stem}.h5"
     assert (trial.source, trial.status, trial.software) == ("imported", "complete", "indenter")
@@ -35,9 +44,9 @@ def _imported(file: Path, out: Path, kind=None) -> Trial:
     return trial
 
 
-def _refused(files, out: Path, kind=None) -> str:
+def _refused(file: Path, out: Path, kind=None) -> str:
     with pytest.raises(BadInputError) as caught:
-        import_files(files if isinstance(files, list) else [files], out, kind)
+        _path_of(file, out, kind)
     assert "\n" not in str(caught.value)
     assert not out.exists() or not any(out.iterdir())
     return str(caught.value)
@@ -132,7 +141,7 @@ def test_every_real_recording_is_imported_or_refused(shared, tmp_path):
     imported, refused = [], []
     for number, file in enumerate(sorted(p for p in shared.glob("*/*") if p.is_file())):
         try:
-            import_files([file], tmp_path / str(number), None)
+            _path_of(file, tmp_path / str(number))
         except BadInputError as error:
             assert "\n" not in str(error)
             refused.append(file.name)
@@ -427,7 +436,7 @@ def test_damaged_texts_are_imported_or_refused(ending, tmp_path):
         file = tmp_path / f"{number}.{ending}"
         file.write_bytes(damaged)
         try:
-            (path,) = import_files([file], tmp_path / "out", None)
+            path = _path_of(file, tmp_path / "out")
         except BadInputError as error:
             assert "\n" not in str(error)
             refused += 1
@@ -440,29 +449,45 @@ def test_damaged_texts_are_imported_or_refused(ending, tmp_path):
 # batches
 
 
-def test_a_bad_file_in_a_batch_leaves_nothing_behind(tmp_path):
-    good, bad = _ddf(tmp_path / "good.ddf"), tmp_path / "bad.ddf"
+def test_a_bad_file_in_a_batch_stops_no_other(tmp_path):
+    good, bad, out = _ddf(tmp_path / "good.ddf"), tmp_path / "bad.ddf", tmp_path / "out"
     bad.write_text("nonsense")
-    assert "bad.ddf" in _refused([good, bad], tmp_path / "out")
-    assert not (tmp_path / "out").exists()
-    assert "two files" in _refused([good, good], tmp_path / "out")
-    assert "no such file" in _refused([good, tmp_path / "none.ddf"], tmp_path / "out")
-    assert "is a folder" in _refused([tmp_path], tmp_path / "out")
-    assert "nothing to import" in _refused([], tmp_path / "out")
+    made, refused = import_recordings([bad, good, tmp_path / "none.ddf"], out)
+    assert [one.path for one in made] == [out / "good.h5"]
+    assert [one.source for one in refused] == [bad, tmp_path / "none.ddf"]
+    assert "bad.ddf" in refused[0].reason
+    assert "no such file" in refused[1].reason
+    assert [p.name for p in out.iterdir()] == ["good.h5"]
+
+
+def test_two_files_of_one_name_are_one_trial_and_a_refusal(tmp_path):
+    (tmp_path / "b").mkdir()
+    files = [_ddf(tmp_path / "a.ddf"), _ddf(tmp_path / "b" / "a.ddf")]
+    made, refused = import_recordings(files, tmp_path / "out")
+    assert len(made) == 1
+    assert "two files" in refused[0].reason
+
+
+def test_nothing_to_import_is_said(tmp_path):
+    for paths in ([], [tmp_path]):
+        with pytest.raises(BadInputError, match="nothing to import"):
+            import_recordings(paths, tmp_path / "out")
 
 
 def test_a_batch_is_written_and_nothing_is_overwritten(tmp_path):
     files = [_ddf(tmp_path / f"{name}.ddf") for name in "ab"]
     out = tmp_path / "new" / "folder"
-    assert import_files(files, out, None) == [out / "a.h5", out / "b.h5"]
+    made, _ = import_recordings(files, out)
+    assert [one.path for one in made] == [out / "a.h5", out / "b.h5"]
     assert sorted(p.name for p in out.iterdir()) == ["a.h5", "b.h5"]
     before = (out / "a.h5").read_bytes()
-    with pytest.raises(BadInputError, match="exists already"):
-        import_files(files, out, None)
+    made, refused = import_recordings(files, out)
+    assert not made
+    assert all("exists already" in one.reason for one in refused)
     assert (out / "a.h5").read_bytes() == before
 
 
 def test_a_place_that_cannot_be_written(tmp_path):
     (tmp_path / "out").write_text("a file, not a folder")
     with pytest.raises(BadInputError, match="can't be written"):
-        import_files([_ddf(tmp_path / "a.ddf")], tmp_path / "out", None)
+        import_recordings([_ddf(tmp_path / "a.ddf")], tmp_path / "out")

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from analysis.errors import BadInputError
-from analysis.recordings.importing import import_files
+from analysis.recordings.importing import import_recordings
 from analysis.relaxation.batch import fit_paths
 
 RECORDINGS = Path(__file__).parents[3].parent / "shared" / "recordings"
@@ -19,8 +18,9 @@ pytestmark = pytest.mark.skipif(
 
 
 def fitted(out: Path, files: list[Path], model: str = "ramp") -> dict[str, dict[str, str]]:
-    imported = import_files(files, out / "trials", None)
-    fit_paths(imported, model=model, out=out, jobs=1)  # type: ignore[arg-type]
+    imported, refused = import_recordings(files, out / "trials")
+    assert not refused
+    fit_paths([one.path for one in imported], model=model, out=out, jobs=1)  # type: ignore[arg-type]
     with (out / "fits.csv").open(newline="", encoding="utf-8") as file:
         return {row["file"]: row for row in csv.DictReader(file)}
 
@@ -60,8 +60,9 @@ def test_free_travel_and_twitch_have_no_hold(tmp_path: Path):
 
 @pytest.mark.parametrize("name", ["bad_units", "invalid_exp", "non-numeric"])
 def test_malformed_files_are_refused(tmp_path: Path, name: str):
-    with pytest.raises(BadInputError):
-        import_files([RECORDINGS / "aurora_muscle_ddf" / f"{name}.ddf"], tmp_path, None)
+    made, refused = import_recordings([RECORDINGS / "aurora_muscle_ddf" / f"{name}.ddf"], tmp_path)
+    assert not made
+    assert len(refused) == 1
 
 
 def test_titin_ramps_fail_in_numbers(tmp_path: Path):

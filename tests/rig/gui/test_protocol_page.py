@@ -137,6 +137,9 @@ def test_a_motion_beyond_the_rig_is_told_with_where_the_skin_must_lie() -> None:
     assert told["ramp hold retract, 0.2 mm, at 5 mm/s, hold 7 s"] == ()
     (line,) = told["ramp hold retract, 0.8 mm, at 5 mm/s, hold 7 s"]
     assert line == "reaches 10.00 mm, the travel ends at 9.5 mm: the skin must lie above 8.70 mm"
+    shallow = RigFile(lever=LeverSettings(depth_max_mm=0.5))
+    deep = preview_protocol(example("study"), shallow, 4.0).motions[-1].beyond
+    assert deep == ("presses 0.8 mm deep: this rig allows 0.5 mm",)
     slow = RigFile(lever=LeverSettings(speed_max_mm_s=2.0, retreat_speed_mm_s=2.0))
     assert any(
         "this rig allows 2 mm/s" in line

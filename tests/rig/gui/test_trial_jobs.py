@@ -13,7 +13,6 @@ import pytest
 
 from analysis.errors import BadInputError
 from analysis.recordings import TrialHeader, TrialWriter, read_trial, write_trial
-from analysis.recordings.importing import import_files
 from analysis.relaxation.fit import fit_trial
 from rig.gui.jobs.exporting import bring_in, export_figure, export_fits, export_samples
 from rig.gui.jobs.fitting import fit_rows, picture_fit
@@ -140,11 +139,11 @@ def test_a_trial_without_a_fit_has_its_reason(tmp_path: Path, simulated_trial: C
 def test_samples_leave_and_come_back(study_folder: Path, tmp_path: Path) -> None:
     path = sorted(study_folder.glob("*.h5"))[0]
     (written,) = export_samples([str(path)], tmp_path / "csv")
-    (back,) = import_files([Path(written)], tmp_path / "back", None)
-    trial, again = read_trial(path), read_trial(back)
+    (back,) = bring_in(Path(written), tmp_path / "back")
+    trial, again = read_trial(path), read_trial(Path(back))
     np.testing.assert_allclose(again.force_mn, trial.force_mn, atol=1e-6)
     np.testing.assert_allclose(again.position_mm, trial.position_mm, atol=1e-6)
-    assert bring_in([Path(written)], tmp_path / "back") == (str(back),)  # brought in before: kept as it is
+    assert bring_in(Path(written), tmp_path / "back") == (back,)  # brought in before: kept as it is
 
 
 def test_fits_and_figures_are_written(study_folder: Path, tmp_path: Path) -> None:

@@ -29,7 +29,7 @@ from rig.engine.ring import END, TRIAL
 from rig.engine.states import State
 from rig.engine.tasks import Ended, Outcome, Recorded, Task
 from rig.engine.telling import Telling
-from rig.hardware.errors import RetreatFailedError
+from rig.hardware.errors import LimitRefusedError, RetreatFailedError
 from rig.protocols.steps import Approach, Plan, PlannedTrial, Sweep
 
 _ROOM_S = 30.0
@@ -67,6 +67,7 @@ class Runner:
     ) -> None:
         self._bench = bench
         self._interrupts = interrupts
+        interrupts.at_once = bench.lever.flee
         self._control = control or Control(interrupts)
         self._audience = Audience(observers, patience_s)
         self._telling = Telling(self._audience, self._control, bench.lever.sample_rate_hz, snapshot)
@@ -199,6 +200,9 @@ class Runner:
                 try:
                     self._go_to_start(trial)
                     self._record(trial, writer, filing)
+                except LimitRefusedError:
+                    self._interrupts.check()  # told to, the arm has left: what it refuses now is no fault
+                    raise
                 finally:
                     filing.end()
                     self._leave()
@@ -254,7 +258,8 @@ class Runner:
                 if began_with is None or isinstance(began_with, RetreatFailedError):
                     raise
                 raise RetreatFailedError(f"{failure}; it began with: {began_with}") from failure
-            self._bench.lever.stop_recording()
+            finally:
+                self._bench.lever.stop_recording()
 
     def _go_to_start(self, trial: PlannedTrial) -> None:
         """Move through the air to where the first motion begins."""

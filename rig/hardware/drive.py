@@ -100,10 +100,20 @@ class Drive:
         with self.lock:
             return self._output is not None and not self._output.done()
 
-    def start(self, volts: FloatArray, *, acquired: Callable[[], int], taken: Callable[[], int]) -> Playback:
-        """Load a waveform and start it now; ``acquired`` and ``taken`` count the samples of the recording."""
+    def start(
+        self,
+        volts: FloatArray,
+        *,
+        acquired: Callable[[], int],
+        taken: Callable[[], int],
+        who: str = "engine",
+    ) -> Playback:
+        """Load a waveform and start it now; ``acquired`` and ``taken`` count the samples of the recording.
+
+        ``who`` does it, and lives: the calls that it takes are long on a busy computer.
+        """
         with self.lock:
-            output = self._load(volts, on_input_start=False)
+            output = self._load(volts, on_input_start=False, who=who)
             not_before = acquired()
             output.start()
             # somewhere between the two answers
@@ -129,6 +139,7 @@ class Drive:
                 rate_hz=s.sample_rate_hz,
                 range_v=s.range_v,
                 buffer_samples=2 * lead_samples,
+                alive=lambda: self.beat("engine"),
             )
             self._output = output
             not_before = acquired()
@@ -153,9 +164,11 @@ class Drive:
 
         One that has run dry is over: the arm stands at the last sample that was sent.
         """
+        playback = self._playback
+        if self._output is None or not isinstance(playback, StreamPlayback):
+            return  # without the lock: while an output is loaded, the samples are read and watched
         with self.lock:
-            playback = self._playback
-            if self._output is None or not isinstance(playback, StreamPlayback):
+            if self._output is None or self._playback is not playback:
                 return
             try:
                 playback.release(judged)
@@ -169,7 +182,7 @@ class Drive:
     def start_with_inputs(self, volts: FloatArray, *, taken: Callable[[], int]) -> Playback:
         """Load a waveform that begins with the first sample of the inputs, which are started next."""
         with self.lock:
-            output = self._load(volts, on_input_start=True)
+            output = self._load(volts, on_input_start=True, who="engine")
             output.start()
             return self._note(output, volts, 0, 0, taken, triggered=True)
 
@@ -229,7 +242,7 @@ class Drive:
         if self._watcher is not None:
             self._watcher.arm_away(*self._range_v, self.safe_v)
 
-    def _load(self, volts: FloatArray, *, on_input_start: bool) -> CardOutput:
+    def _load(self, volts: FloatArray, *, on_input_start: bool, who: str) -> CardOutput:
         self._leave_safety(volts)
         s = self._settings
         self._output = self._card.open_output(
@@ -238,6 +251,7 @@ class Drive:
             rate_hz=s.sample_rate_hz,
             range_v=s.range_v,
             on_input_start=on_input_start,
+            alive=lambda: self.beat(who),
         )
         return self._output
 

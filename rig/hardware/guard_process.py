@@ -27,7 +27,7 @@ from analysis.recordings.trial import Calibration
 from rig.hardware.daq import Card
 from rig.hardware.errors import CardBusyError, HardwareError, RetreatFailedError
 from rig.hardware.hearing import Ear
-from rig.hardware.processes import own_session
+from rig.hardware.processes import ask_for_priority, own_session
 from rig.hardware.retreat import Bearings, Retreat, bring_to_safety
 from rig.hardware.telling import tell_person
 from rig.settings.rig_file import CardSettings, GuardSettings, LeverSettings
@@ -59,8 +59,7 @@ ToSafety = Callable[[Bearings | None], Retreat]
 def main() -> int:
     """Run the guard; 0 after an orderly end or a successful retreat, 1 where the arm could not be moved."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    with contextlib.suppress(OSError, AttributeError):
-        os.nice(-10)  # where it is allowed: it must not wait behind whatever keeps the computer busy
+    ask_for_priority()
     line = sys.stdin.buffer.readline()
     orders = json.loads(line)
     settings = GuardSettings.model_validate_json(json.dumps(orders["rig"]["guard"]))

@@ -20,6 +20,7 @@ from typing import Any
 import psutil
 
 from rig.hardware.hearing import Ear
+from rig.hardware.processes import ask_for_priority
 from rig.hardware.telling import tell_person
 
 _LOOK_S = 0.05
@@ -36,6 +37,7 @@ _TELL_S = 0.85
 def main() -> int:
     """Run the second guard; 0 after an orderly end or a successful retreat, 1 where the arm could not be moved."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    ask_for_priority()
     orders = json.loads(sys.stdin.buffer.readline())
     ear = Ear()
     ear.listen(sys.stdin.buffer, "guard")

@@ -118,7 +118,7 @@ class Drive:
             output.start()
             # somewhere between the two answers
             expected = (not_before + acquired()) // 2
-            return self._note(output, volts, not_before, expected, taken, triggered=False)
+            return self._note(output, volts, not_before, expected, taken, acquired)
 
     def start_stream(
         self,
@@ -184,7 +184,7 @@ class Drive:
         with self.lock:
             output = self._load(volts, on_input_start=True, who="engine")
             output.start()
-            return self._note(output, volts, 0, 0, taken, triggered=True)
+            return self._note(output, volts, 0, 0, taken, None)
 
     def stop(self, *, count: bool = True) -> tuple[Playback, int] | None:
         """Stop now; the waveform that was the last and how many of its samples were out, or None.
@@ -262,14 +262,22 @@ class Drive:
         not_before: int,
         expected: int,
         taken: Callable[[], int],
-        *,
-        triggered: bool,
+        acquired: Callable[[], int] | None,
     ) -> Playback:
-        """Remember what was sent and when, and look for it in the loop-back from now on."""
+        """Remember what was sent and when, and look for it in the loop-back from now on.
+
+        Without ``acquired`` it begins at the ``expected`` sample exactly: one trigger starts both.
+        """
         finder = self._find(volts, not_before, taken)
         self._track.add(expected, volts)
         self._playback = Playback(
-            output, volts, expected_sample=expected, triggered=triggered, finder=finder, samples_read=taken
+            output,
+            volts,
+            expected_sample=expected,
+            triggered=acquired is None,
+            finder=finder,
+            samples_read=taken,
+            acquired=acquired,
         )
         return self._playback
 

@@ -237,6 +237,9 @@ def standing(folder: Path, settings: str) -> Iterator[Standing]:
     )
     assert rig.companion is not None
     with Companion(rig.companion) as companion:
+        with contextlib.suppress(PermissionError):
+            # it stands for a card and an arm, which wait for no processor
+            os.setpriority(os.PRIO_PROCESS, companion.pid, -10)
         control = ControlService(companion.resolve("companion:control"))
         yield Standing(companion, control, folder)
         control.close()

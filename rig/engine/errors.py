@@ -13,6 +13,10 @@ class FilingError(RigError):
     """A trial could not be written to its end; what was recorded is kept, or said to be lost."""
 
 
+class DiskSilentError(FilingError):
+    """The disk of a trial takes nothing any more; what it took before is there."""
+
+
 class OvershotError(RigError):
     """The surface was overshot by too much for a trial to begin there."""
 

@@ -219,7 +219,9 @@ class Runner:
             filing.check()
 
         telling = self._telling
-        recorder = Recorder(lever, writer, check, telling.follow, telling.mark, read_s=self._bench.read_s)
+        recorder = Recorder(
+            lever, writer, filing.note, check, telling.follow, telling.mark, read_s=self._bench.read_s
+        )
         lever.start_recording(filing.keep)
         telling.mark(TRIAL, 0, 0)
         motions = TrialMotions(lever, recorder, enter=telling.enter, say=telling.say)

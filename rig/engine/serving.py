@@ -227,6 +227,7 @@ def facts_of(bench: Bench, rig: RigFile, used: dict[str, CalibrationFile]) -> Be
         safe_position_mm=limits.safe_position_mm,
         force_max_mn=limits.force_max_mn,
         sample_rate_hz=bench.lever.sample_rate_hz,
+        guards=bench.guards,
         calibrations=tuple(in_use),
     )
 

@@ -117,6 +117,20 @@ BREAKS = (
         SAFETY + "test_motions.py::test_a_force_line_that_goes_dead_reverses_the_arm",
     ),
     Break(
+        "the second guard deaf to the program",
+        "rig/hardware/second_guard.py",
+        'elif kind == "safe":\n            self._away = None',
+        'elif kind == "safe":\n            pass',
+        SAFETY + "test_processes.py::test_the_guard_is_heeded_while_the_program_reads_nothing",
+    ),
+    Break(
+        "a stop left to the program's own thread",
+        "rig/hardware/brake.py",
+        "if self._flee_asked and self._drive.away:",
+        "if False:",
+        "tests/rig/hardware/test_fleeing.py::test_it_leaves_while_the_program_reads_nothing",
+    ),
+    Break(
         "guard's death not heeded",
         "rig/hardware/guard.py",
         "        if fault:\n            raise GuardError(",

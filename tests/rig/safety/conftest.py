@@ -267,6 +267,18 @@ def _fresh(bench: Standing, folder: Path) -> Standing:
     return Standing(bench.companion, bench.control, folder)
 
 
+@pytest.fixture(scope="module")
+def good_run_mn(_virtual: Standing, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], float]:
+    """Function (protocol) -> the largest force on the finger in a run of it without a fault, mN."""
+
+    def run(protocol: str) -> float:
+        bench = _fresh(_virtual, tmp_path_factory.mktemp("good"))
+        bench.run(protocol)
+        return bench.largest_force_mn()
+
+    return run
+
+
 @pytest.fixture
 def bench(_virtual: Standing, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Standing:
     """A bench in virtual time, its wires whole."""

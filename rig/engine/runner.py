@@ -16,6 +16,7 @@ from rig.engine.attempts import planned_name
 from rig.engine.audience import PATIENCE_S, Audience, Observer
 from rig.engine.bench import Bench
 from rig.engine.control import Control, Skipped
+from rig.engine.errors import LEFT_LIKE
 from rig.engine.filing import Filing, TrialFile
 from rig.engine.idling import Idling, Nothing
 from rig.engine.interrupts import CutShort, Interrupts
@@ -29,7 +30,7 @@ from rig.engine.ring import END, TRIAL
 from rig.engine.states import State
 from rig.engine.tasks import Ended, Outcome, Recorded, Task
 from rig.engine.telling import Telling
-from rig.hardware.errors import LimitRefusedError, RetreatFailedError
+from rig.hardware.errors import RetreatFailedError
 from rig.protocols.steps import Approach, Plan, PlannedTrial, Sweep
 
 _ROOM_S = 30.0
@@ -200,8 +201,8 @@ class Runner:
                 try:
                     self._go_to_start(trial)
                     self._record(trial, writer, filing)
-                except LimitRefusedError:
-                    self._interrupts.check()  # told to, the arm has left: what it refuses now is no fault
+                except LEFT_LIKE:
+                    self._interrupts.check()  # told to, the arm has left: that is no fault
                     raise
                 finally:
                     filing.end()

@@ -36,7 +36,7 @@ def test_it_leaves_while_the_program_reads_nothing(bench_of: Callable[..., Any])
         lever.flee()
         began_s = time.monotonic()
         while abs(bench.arm()["command_v"] - SAFE_V) > 2 * ONE_STEP_V:
-            assert time.monotonic() - began_s < 10.0
+            assert time.monotonic() - began_s < 60.0, bench.arm()
             time.sleep(0.01)
         lever.retreat()
         assert lever.commanded_mm == pytest.approx(0.5)

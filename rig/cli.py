@@ -79,6 +79,7 @@ def _demo(given: argparse.Namespace) -> None:
 
 def _run(given: argparse.Namespace) -> None:
     from rig.commands.run import run_protocol_file, write_examples
+    from rig.hardware.processes import ask_for_priority
 
     if given.example is not None:
         write_examples(given.example)
@@ -87,6 +88,7 @@ def _run(given: argparse.Namespace) -> None:
     if given.protocol is None:
         raise BadInputError("indenter run: no protocol file: give one, or --example DIR to get some")
     out = given.out or Path(given.protocol.stem)
+    ask_for_priority()
     print(run_protocol_file(given.protocol, rig=given.rig, out=out, accept=given.accept))
 
 

@@ -17,7 +17,7 @@ class Bench:
     """An open bench.
 
     `operator` is what stands in for hands; None where they are a person's. `read_s` is the time read and
-    written at once while nothing happens. `rig` is the rig's name.
+    written at once while nothing happens. `rig` is the rig's name, `guards` the processes that watch over the arm.
     """
 
     lever: Lever
@@ -28,3 +28,4 @@ class Bench:
     source: Source
     read_s: float = 0.05
     rig: str = ""
+    guards: tuple[int, ...] = ()

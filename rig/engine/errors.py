@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from rig.errors import RigError
+from rig.hardware.errors import LimitRefusedError
 
 
 class SurfaceNotFoundError(RigError):
@@ -11,6 +12,10 @@ class SurfaceNotFoundError(RigError):
 
 class FilingError(RigError):
     """A trial could not be written to its end; what was recorded is kept, or said to be lost."""
+
+
+class DiskSilentError(FilingError):
+    """The disk of a trial takes nothing any more; what it took before is there."""
 
 
 class OvershotError(RigError):
@@ -23,3 +28,7 @@ class ContactLostError(RigError):
 
 class ContactTooEarlyError(RigError):
     """The arm met something where only air was expected."""
+
+
+LEFT_LIKE = (LimitRefusedError, SurfaceNotFoundError, ContactLostError, ContactTooEarlyError, OvershotError)
+"""What an arm that leaves for safety by itself looks like to the motion under way."""

@@ -6,7 +6,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType, TracebackType
 from typing import Any, Self
@@ -31,6 +31,8 @@ class Interrupts:
     """
 
     def __init__(self) -> None:
+        self.at_once: Callable[[], None] = lambda: None
+        """Called as soon as something is asked for, by whoever asks; it must not wait."""
         self._asked = False
         self._cut_short = ""
         self._waiting = False
@@ -56,11 +58,13 @@ class Interrupts:
     def request(self) -> None:
         """Ask for a stop, as Ctrl-C does; from any thread."""
         self._asked = True
+        self._act()
         self._wake()
 
     def request_cut(self, reason: str) -> None:
         """Ask for the end of the trial under way, not of the run; from any thread."""
         self._cut_short = reason
+        self._act()
 
     def forget_cut(self) -> None:
         """Drop a request to end a trial: it has ended."""
@@ -96,6 +100,10 @@ class Interrupts:
         finally:
             self._shields -= 1
 
+    def _act(self) -> None:
+        if not self._shields:
+            self.at_once()
+
     def _wake(self) -> None:
         """End a call that waits in the main thread; where the system has no such signals, it ends by itself."""
         thread = self._thread
@@ -104,6 +112,7 @@ class Interrupts:
 
     def _on_signal(self, _number: int, _frame: FrameType | None) -> None:
         again, self._asked = self._asked, True
+        self._act()
         if self._waiting and not self._shields:
             self._waiting = False
             raise Interrupted(STOPPED)

@@ -27,7 +27,7 @@ class CalibrationInUse:
 
 @dataclass(frozen=True, slots=True)
 class BenchFacts:
-    """What does not change while a bench is open: its limits, its calibrations, whether it is a simulation."""
+    """What does not change while a bench is open: limits, calibrations, whether it is a simulation, guards' pids."""
 
     rig: str
     simulated: bool
@@ -37,6 +37,7 @@ class BenchFacts:
     force_max_mn: float
     sample_rate_hz: float
     calibrations: tuple[CalibrationInUse, ...] = ()
+    guards: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

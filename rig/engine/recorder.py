@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -18,8 +19,9 @@ _AFTER_LIMIT_S = 0.3
 class Recorder:
     """Takes every sample of a trial once, in order; the file gets them on a road of its own (`Filing`).
 
-    `check` is called before each read and may raise to end the trial; `follow` is handed every chunk, `mark`
-    the name of every phase that begins, its first sample and the number of samples by now.
+    What it notes is written by `note`, so that no motion waits for the disk. `check` is called before each read
+    and may raise to end the trial; `follow` is handed every chunk, `mark` the name of every phase that begins, its
+    first sample and the number of samples by now.
     Where nothing has to be noticed at once, `read_s` are read at a time.
     """
 
@@ -27,6 +29,7 @@ class Recorder:
         self,
         lever: Lever,
         writer: TrialWriter,
+        note: Callable[[Callable[[], None]], None],
         check: Callable[[], None],
         follow: Callable[[Chunk], None],
         mark: Callable[[str, int, int], None] = lambda *_: None,
@@ -35,6 +38,7 @@ class Recorder:
     ) -> None:
         self._lever = lever
         self._writer = writer
+        self._note = note
         self._check = check
         self._follow = follow
         self._mark = mark
@@ -112,7 +116,7 @@ class Recorder:
         # never empty, so that after a kill the file says which phase had begun
         self._phases.append(Phase(name, sample, max(sample + 1, self.n)))
         self._in_phase = True
-        self._writer.set_phases(self._phases)
+        self._note_phases()
         self._mark(name, sample, self.n)
 
     def end_phase(self, sample: int | None = None) -> None:
@@ -121,7 +125,7 @@ class Recorder:
             last = self._phases[-1]
             self._phases[-1] = Phase(last.name, last.start, self.n if sample is None else sample)
             self._in_phase = False
-            self._writer.set_phases(self._phases)
+            self._note_phases()
 
     def cut_short(self, sample: int | None = None) -> None:
         """The trial ends before its time: the phase under way, if any, ends at `sample`, or with the samples."""
@@ -130,11 +134,14 @@ class Recorder:
 
     def surface(self, surface: Surface) -> None:
         """Keep where the surface was found."""
-        self._writer.set_surface(surface)
+        self._note(partial(self._writer.set_surface, surface))
 
     def note(self, sample: int, kind: str, message: str) -> None:
         """Keep an event with the trial."""
-        self._writer.add_event(Event(sample, kind, message))
+        self._note(partial(self._writer.add_event, Event(sample, kind, message)))
+
+    def _note_phases(self) -> None:
+        self._note(partial(self._writer.set_phases, tuple(self._phases)))
 
     def _keep_after_limit(self) -> None:
         """Record the arm's way out; where even that fails, the limit hit is what is told."""

@@ -16,6 +16,7 @@ from rig.engine.attempts import planned_name
 from rig.engine.audience import PATIENCE_S, Audience, Observer
 from rig.engine.bench import Bench
 from rig.engine.control import Control, Skipped
+from rig.engine.errors import LEFT_LIKE
 from rig.engine.filing import Filing, TrialFile
 from rig.engine.idling import Idling, Nothing
 from rig.engine.interrupts import CutShort, Interrupts
@@ -67,6 +68,7 @@ class Runner:
     ) -> None:
         self._bench = bench
         self._interrupts = interrupts
+        interrupts.at_once = bench.lever.flee
         self._control = control or Control(interrupts)
         self._audience = Audience(observers, patience_s)
         self._telling = Telling(self._audience, self._control, bench.lever.sample_rate_hz, snapshot)
@@ -199,6 +201,9 @@ class Runner:
                 try:
                     self._go_to_start(trial)
                     self._record(trial, writer, filing)
+                except LEFT_LIKE:
+                    self._interrupts.check()  # told to, the arm has left: that is no fault
+                    raise
                 finally:
                     filing.end()
                     self._leave()
@@ -215,7 +220,9 @@ class Runner:
             filing.check()
 
         telling = self._telling
-        recorder = Recorder(lever, writer, check, telling.follow, telling.mark, read_s=self._bench.read_s)
+        recorder = Recorder(
+            lever, writer, filing.note, check, telling.follow, telling.mark, read_s=self._bench.read_s
+        )
         lever.start_recording(filing.keep)
         telling.mark(TRIAL, 0, 0)
         motions = TrialMotions(lever, recorder, enter=telling.enter, say=telling.say)
@@ -254,7 +261,8 @@ class Runner:
                 if began_with is None or isinstance(began_with, RetreatFailedError):
                     raise
                 raise RetreatFailedError(f"{failure}; it began with: {began_with}") from failure
-            self._bench.lever.stop_recording()
+            finally:
+                self._bench.lever.stop_recording()
 
     def _go_to_start(self, trial: PlannedTrial) -> None:
         """Move through the air to where the first motion begins."""

@@ -38,6 +38,7 @@ from rig.engine.session import open_bench
 from rig.engine.states import State
 from rig.engine.tasks import Recorded, Task
 from rig.errors import RigError
+from rig.hardware.processes import ask_for_priority
 from rig.protocols.steps import Plan
 from rig.settings.reading import check_protocol_on_rig, load_rig
 from rig.settings.rig_file import RigFile
@@ -226,6 +227,7 @@ def facts_of(bench: Bench, rig: RigFile, used: dict[str, CalibrationFile]) -> Be
         safe_position_mm=limits.safe_position_mm,
         force_max_mn=limits.force_max_mn,
         sample_rate_hz=bench.lever.sample_rate_hz,
+        guards=bench.guards,
         calibrations=tuple(in_use),
     )
 
@@ -246,6 +248,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s: %(message)s")
     # Ctrl-C at a terminal is the window's business, and that ends here by the lifeline
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    ask_for_priority()
     try:
         rig = load_rig(rig_path)
         folder = calibration_folder(rig, rig_path)

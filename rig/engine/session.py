@@ -20,8 +20,8 @@ from rig.hardware.remote import ControlService
 from rig.hardware.stage import Stage
 from rig.settings.rig_file import RigFile, ServiceSettings
 
-_LONGEST_READ_S = 0.02
-"""Of the 100 ms that may be missing after a kill, and in which a stop is to have moved the arm."""
+_LONGEST_READ_S = 0.05
+"""Half of the 100 ms within which a stop is to be met, where a rig file lets the card be read that seldom."""
 
 
 @contextmanager
@@ -83,4 +83,5 @@ def open_bench(rig: RigFile, calibration: Calibration) -> Iterator[Bench]:
             source="simulated" if rig.companion is not None else "nidaqmx",
             read_s=min(_LONGEST_READ_S, 2 * rig.card.read_interval_s),
             rig=rig.name,
+            guards=() if guard is None else guard.pids,
         )

@@ -16,11 +16,13 @@ def open_window(rig: Path | None) -> int:
     from PySide6.QtCore import QTimer
     from PySide6.QtWidgets import QApplication
 
+    from rig.gui.garbage import GarbageInTheEventLoop
     from rig.gui.habits import Habits
     from rig.gui.window import Window
 
     app = QApplication.instance() or QApplication(sys.argv[:1])
     app.setApplicationName("indenter")
+    garbage = GarbageInTheEventLoop()
     habits = Habits()
     window = Window(habits, Path(platformdirs.user_log_path("indenter")))
     window.show()
@@ -31,4 +33,5 @@ def open_window(rig: Path | None) -> int:
     code = app.exec()
     # closed before Qt goes: a plot still open then brings the program down
     window.close_now()
+    garbage.end()
     return code

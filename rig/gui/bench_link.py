@@ -17,6 +17,7 @@ from rig.gui.bench_state import AT_REST, BenchState
 from rig.gui.bins import Bins
 from rig.gui.runner_process import START_S, RunnerProcess
 from rig.gui.simulated import rig_for_the_window
+from rig.hardware.second_guard import runs
 
 FRAME_MS = 33
 _SLOW_S = 0.025
@@ -262,9 +263,12 @@ class BenchLink(QObject):
         )
         self.said.emit(said, "bad")
         if was.running:
-            self.said.emit(
-                "the guard takes the arm clear; the trial under way is kept: rescue brings it back", "bad"
-            )
+            facts = was.snapshot.bench
+            if facts is not None and any(runs(pid) for pid in facts.guards):
+                arm = "the guard takes the arm clear"
+            else:
+                arm = "NO GUARD IS LEFT: LIFT THE ARM BY HAND, then run `indenter safe`"
+            self.said.emit(f"{arm}; the trial under way is kept: rescue brings it back", "bad")
 
     def _reap(self) -> None:
         for process in list(self._left):

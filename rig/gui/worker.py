@@ -98,5 +98,7 @@ class Worker(QObject):
 
 def _asker_stands(then: Callable[[Any], object]) -> bool:
     """Whether who is to be called back is still there: a page may go while its job runs."""
-    asker = getattr(getattr(then, "func", then), "__self__", None)
-    return not isinstance(asker, QObject) or isValid(asker)
+    function = getattr(then, "func", then)
+    closure = getattr(function, "__closure__", None) or ()
+    held = [getattr(function, "__self__", None), *(cell.cell_contents for cell in closure)]
+    return all(isValid(each) for each in held if isinstance(each, QObject))

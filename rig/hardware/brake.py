@@ -47,6 +47,7 @@ class Brake:
         self._wired = rig.card.loopback_channel is not None
         self._limit_hit = False
         self._retreating = False
+        self._fleeing: Playback | None = None
         self._usual_read_samples = 0
         self._way: RetreatWatch | None = None
         self._way_failed: RetreatFailedError | None = None
@@ -57,6 +58,11 @@ class Brake:
         self._watch = Watch(self._limits, self._calibration, self._settings.range_v)
         self._seen: Callable[[Chunk], bool] | None = None
         self._halted: Playback | None = None
+        self._flee_asked = False
+
+    def flee(self) -> None:
+        """Have the arm leave for safety at the reader's next samples; from any thread, a signal's handler too."""
+        self._flee_asked = True
 
     def look_for(self, seen: Callable[[Chunk], bool], recorder: Recorder, samples_per_read: int) -> None:
         """Stop the output once ``seen`` returns True; the thread reads so many samples at a time meanwhile."""
@@ -76,9 +82,11 @@ class Brake:
             recorder.read_samples, self._usual_read_samples = self._usual_read_samples, 0
 
     def refuse_after_limit(self) -> None:
-        """Raise LimitRefusedError where the arm was stopped by a limit and has not been to safety since."""
+        """Raise LimitRefusedError where the arm is on its own way to safety, and has not been there since."""
         if self._limit_hit:
-            raise LimitRefusedError("a limit was hit; nothing was sent; retreat before the next motion")
+            raise LimitRefusedError(
+                "the arm left for safety by itself; nothing was sent; retreat before the next motion"
+            )
 
     def inspect(self, recorder: Recorder, start: int, block: FloatArray) -> None:
         """Look at the next samples, (n_channels, n), V: on a limit, begin the retract, then raise LimitHit."""
@@ -87,6 +95,9 @@ class Brake:
             self._watch_way(block)
             return
         self._heed_watcher(recorder, block)
+        if self._flee_asked and self._drive.away:
+            self._flee(recorder, block, "the arm was to leave")
+            return
         command_v = block[2] if self._wired else self._drive.sent_v(start, start + block.shape[1])
         try:
             self._watch.check(start, block[0], block[1], command_v)
@@ -117,6 +128,8 @@ class Brake:
         """Stop the output, unless that has been done, and find out where it was; see `Lever.halt`."""
         with self._drive.lock:
             self.look_no_longer(recorder)
+            if self._limit_hit:
+                return  # on its way to safety: nothing halts that
             self._stop()
             playback = self._halted
         if playback is None:
@@ -134,10 +147,12 @@ class Brake:
         rate_hz = self._settings.sample_rate_hz
         self._retreating = True
         try:
-            self.halt(recorder)
-            last = recorder.filled
-            seen = recorder.peek(max(last - _AFTER_STOP, 0), last)
-            playback = self._begin_way_to_safety(recorder, seen)
+            playback = self._way_under_way()
+            if playback is None:
+                self.halt(recorder)
+                last = recorder.filled
+                seen = recorder.peek(max(last - _AFTER_STOP, 0), last)
+                playback = self._begin_way_to_safety(recorder, seen)
             n_settle = round(SETTLE_S * rate_hz)
             stop = playback.expected_sample + playback.n + n_settle
             recorder.wait_for(stop, heed=False)
@@ -146,9 +161,13 @@ class Brake:
                 if stop > playback.expected_sample + playback.n + LATE_S * rate_hz:
                     raise RetreatFailedError("the output of the card does not end")
                 recorder.wait_for(stop, heed=False)
+            if self._way_failed is None:
+                # on a busy computer the output began late, and what was read so far may still show the way
+                stop = recorder.acquired() + n_settle
+                recorder.wait_for(stop, heed=False)
             seen = recorder.peek(stop - n_settle // 2, stop).mean(axis=1)
         finally:
-            self._retreating, self._way = False, None
+            self._retreating, self._way, self._fleeing = False, None, None
             failed, self._way_failed = self._way_failed, None
         if failed is not None:
             raise failed
@@ -167,9 +186,14 @@ class Brake:
 
     def arrived(self) -> None:
         """The arm rests at the safe position."""
-        self._limit_hit = False
+        self._limit_hit, self._fleeing = False, None
         self.prepare()
         self._drive.arrived()
+
+    def _way_under_way(self) -> Playback | None:
+        """The way to safety that the reader thread has begun and that has not failed."""
+        with self._drive.lock:
+            return self._fleeing if self._way is not None else None
 
     def _stop(self) -> None:
         with self._drive.lock:
@@ -205,9 +229,10 @@ class Brake:
         """Begin the way to safety from within the reader thread."""
         self._limit_hit = True
         try:
-            # stopped, and not read back yet: what came last is nearest to where the arm is
-            self._stopped_at(block[:, -1:], recorder.filled + block.shape[1])
-            self._begin_way_to_safety(recorder, block[:, -_AFTER_STOP:])
+            with self._drive.lock:
+                # stopped, and not read back yet: what came last is nearest to where the arm is
+                self._stopped_at(block[:, -1:], recorder.filled + block.shape[1])
+                self._fleeing = self._begin_way_to_safety(recorder, block[:, -_AFTER_STOP:], who="reader")
         except CardError as error:
             raise RetreatFailedError(
                 f"{why} and the arm could not be moved away, lift it by hand: {error}"
@@ -224,10 +249,10 @@ class Brake:
             self._drive.stop(count=False)
             raise
 
-    def _begin_way_to_safety(self, recorder: Recorder, seen: FloatArray) -> Playback:
+    def _begin_way_to_safety(self, recorder: Recorder, seen: FloatArray, who: str = "engine") -> Playback:
         with self._drive.lock:
             self._drive.stop()
             held_v, safe_v = self._drive.held_v, self._drive.safe_v
             volts = way_to_safety_v(held_v, safe_v, self._calibration, self._limits, self._settings)
             self._way = RetreatWatch(seen, safe_v - held_v, self._calibration)
-            return self._drive.start(volts, acquired=recorder.acquired, taken=lambda: recorder.taken)
+            return self._drive.start(volts, acquired=recorder.acquired, taken=lambda: recorder.taken, who=who)

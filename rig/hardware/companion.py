@@ -63,6 +63,13 @@ class Companion:
         self.close()
 
     @property
+    def pid(self) -> int:
+        """Its process."""
+        if self._process is None:
+            raise CompanionError("the companion does not run; start it first")
+        return self._process.pid
+
+    @property
     def stdin_fd(self) -> int:
         """The pipe whose closing ends the companion; whoever else holds it keeps the companion alive."""
         if self._process is None or self._process.stdin is None:

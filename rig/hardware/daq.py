@@ -10,7 +10,7 @@ import contextlib
 import logging
 import os
 import platform
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from types import TracebackType
 from typing import Self
 
@@ -133,27 +133,39 @@ class Card:
         return CardInput(task, len(channels), self.where)
 
     def open_output(
-        self, channel: str, volts: FloatArray, *, rate_hz: float, range_v: float, on_input_start: bool = False
+        self,
+        channel: str,
+        volts: FloatArray,
+        *,
+        rate_hz: float,
+        range_v: float,
+        on_input_start: bool = False,
+        alive: Callable[[], None] = lambda: None,
     ) -> CardOutput:
         """Load a whole finite waveform, volts (n,), one value a sample, played once when started.
 
-        With ``on_input_start`` it waits, once started, for the inputs' start trigger.
+        With ``on_input_start`` it waits, once started, for the inputs' start trigger. ``alive`` is called
+        between the calls to the card.
         """
         doing = f"{self.where}: loading {len(volts)} samples for {channel}"
         task = self._new_task("ao", doing)
         with _clearing_on_error(task), _as_own_errors(doing):
+            alive()
             task.ao_channels.add_ao_voltage_chan(
                 f"{self.device}/{channel}", min_val=-range_v, max_val=range_v
             )
+            alive()
             task.timing.cfg_samp_clk_timing(
                 rate_hz, sample_mode=AcquisitionType.FINITE, samps_per_chan=len(volts)
             )
+            alive()
             task.out_stream.output_buf_size = len(volts)
             task.out_stream.regen_mode = RegenerationMode.DONT_ALLOW_REGENERATION
             if on_input_start:
                 task.triggers.start_trigger.cfg_dig_edge_start_trig(
                     f"/{self.device}/ai/StartTrigger", trigger_edge=Edge.RISING
                 )
+            alive()
             _refuse_coerced(task, rate_hz, doing)
             writer = AnalogSingleChannelWriter(task.out_stream, auto_start=False)
             writer.verify_array_shape = False  # one channel, one row: no need to ask the card
@@ -162,7 +174,14 @@ class Card:
         return CardOutput(task, self.where)
 
     def open_stream(
-        self, channel: str, volts: FloatArray, *, rate_hz: float, range_v: float, buffer_samples: int
+        self,
+        channel: str,
+        volts: FloatArray,
+        *,
+        rate_hz: float,
+        range_v: float,
+        buffer_samples: int,
+        alive: Callable[[], None] = lambda: None,
     ) -> CardStream:
         """Load the beginning of a waveform, volts (n,), that plays on only while more of it is written in time.
 
@@ -172,14 +191,18 @@ class Card:
         doing = f"{self.where}: loading the first {len(volts)} samples for {channel}"
         task = self._new_task("ao", doing)
         with _clearing_on_error(task), _as_own_errors(doing):
+            alive()
             task.ao_channels.add_ao_voltage_chan(
                 f"{self.device}/{channel}", min_val=-range_v, max_val=range_v
             )
+            alive()
             task.timing.cfg_samp_clk_timing(
                 rate_hz, sample_mode=AcquisitionType.CONTINUOUS, samps_per_chan=buffer_samples
             )
+            alive()
             task.out_stream.output_buf_size = buffer_samples
             task.out_stream.regen_mode = RegenerationMode.DONT_ALLOW_REGENERATION
+            alive()
             _refuse_coerced(task, rate_hz, doing)
         stream = CardStream(task, self.where)
         with _clearing_on_error(task):

@@ -100,15 +100,25 @@ class Drive:
         with self.lock:
             return self._output is not None and not self._output.done()
 
-    def start(self, volts: FloatArray, *, acquired: Callable[[], int], taken: Callable[[], int]) -> Playback:
-        """Load a waveform and start it now; ``acquired`` and ``taken`` count the samples of the recording."""
+    def start(
+        self,
+        volts: FloatArray,
+        *,
+        acquired: Callable[[], int],
+        taken: Callable[[], int],
+        who: str = "engine",
+    ) -> Playback:
+        """Load a waveform and start it now; ``acquired`` and ``taken`` count the samples of the recording.
+
+        ``who`` does it, and lives: the calls that it takes are long on a busy computer.
+        """
         with self.lock:
-            output = self._load(volts, on_input_start=False)
+            output = self._load(volts, on_input_start=False, who=who)
             not_before = acquired()
             output.start()
             # somewhere between the two answers
             expected = (not_before + acquired()) // 2
-            return self._note(output, volts, not_before, expected, taken, triggered=False)
+            return self._note(output, volts, not_before, expected, taken, acquired)
 
     def start_stream(
         self,
@@ -129,6 +139,7 @@ class Drive:
                 rate_hz=s.sample_rate_hz,
                 range_v=s.range_v,
                 buffer_samples=2 * lead_samples,
+                alive=lambda: self.beat("engine"),
             )
             self._output = output
             not_before = acquired()
@@ -153,9 +164,11 @@ class Drive:
 
         One that has run dry is over: the arm stands at the last sample that was sent.
         """
+        playback = self._playback
+        if self._output is None or not isinstance(playback, StreamPlayback):
+            return  # without the lock: while an output is loaded, the samples are read and watched
         with self.lock:
-            playback = self._playback
-            if self._output is None or not isinstance(playback, StreamPlayback):
+            if self._output is None or self._playback is not playback:
                 return
             try:
                 playback.release(judged)
@@ -169,9 +182,9 @@ class Drive:
     def start_with_inputs(self, volts: FloatArray, *, taken: Callable[[], int]) -> Playback:
         """Load a waveform that begins with the first sample of the inputs, which are started next."""
         with self.lock:
-            output = self._load(volts, on_input_start=True)
+            output = self._load(volts, on_input_start=True, who="engine")
             output.start()
-            return self._note(output, volts, 0, 0, taken, triggered=True)
+            return self._note(output, volts, 0, 0, taken, None)
 
     def stop(self, *, count: bool = True) -> tuple[Playback, int] | None:
         """Stop now; the waveform that was the last and how many of its samples were out, or None.
@@ -229,7 +242,7 @@ class Drive:
         if self._watcher is not None:
             self._watcher.arm_away(*self._range_v, self.safe_v)
 
-    def _load(self, volts: FloatArray, *, on_input_start: bool) -> CardOutput:
+    def _load(self, volts: FloatArray, *, on_input_start: bool, who: str) -> CardOutput:
         self._leave_safety(volts)
         s = self._settings
         self._output = self._card.open_output(
@@ -238,6 +251,7 @@ class Drive:
             rate_hz=s.sample_rate_hz,
             range_v=s.range_v,
             on_input_start=on_input_start,
+            alive=lambda: self.beat(who),
         )
         return self._output
 
@@ -248,14 +262,22 @@ class Drive:
         not_before: int,
         expected: int,
         taken: Callable[[], int],
-        *,
-        triggered: bool,
+        acquired: Callable[[], int] | None,
     ) -> Playback:
-        """Remember what was sent and when, and look for it in the loop-back from now on."""
+        """Remember what was sent and when, and look for it in the loop-back from now on.
+
+        Without ``acquired`` it begins at the ``expected`` sample exactly: one trigger starts both.
+        """
         finder = self._find(volts, not_before, taken)
         self._track.add(expected, volts)
         self._playback = Playback(
-            output, volts, expected_sample=expected, triggered=triggered, finder=finder, samples_read=taken
+            output,
+            volts,
+            expected_sample=expected,
+            triggered=acquired is None,
+            finder=finder,
+            samples_read=taken,
+            acquired=acquired,
         )
         return self._playback
 

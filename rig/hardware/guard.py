@@ -2,8 +2,8 @@
 
 It is started before the arm moves, holds a pipe to the program, and hears where the output may be, and that
 engine and reader live. It reports back as often; when it falls silent the arm is brought to safety at once. It
-keeps a second guard, which acts where both it and the program are gone. Their side of the pipes is
-`rig.hardware.guard_process` and `rig.hardware.second_guard`.
+keeps a second guard, which hears the program by a pipe of its own and acts where nobody else does. Their side of
+the pipes is `rig.hardware.guard_process` and `rig.hardware.second_guard`.
 """
 
 from __future__ import annotations
@@ -48,6 +48,7 @@ class Guard:
     ) -> None:
         self._hold_open = list(hold_open)
         self._tell_fd: int | None = None
+        self._second_ear: int | None = None
         self._orders = {
             "rig": rig.model_dump(mode="json", include={"card", "lever", "guard"}),
             "card_address": card_address,
@@ -67,10 +68,13 @@ class Guard:
         """Processes of the guards."""
 
     def __enter__(self) -> Self:
+        hears_fd: int | None = None
         if sys.platform != "win32":
             # where the person looks: the guards write there when the program can't
             self._tell_fd = os.dup(sys.__stderr__.fileno() if sys.__stderr__ is not None else 2)
-            self._hold_open.append(self._tell_fd)
+            hears_fd, self._second_ear = os.pipe()
+            os.set_blocking(self._second_ear, False)
+            self._hold_open += [self._tell_fd, hears_fd]
         self._process = subprocess.Popen(
             [sys.executable, "-m", "rig.hardware.guard_process"],
             stdin=subprocess.PIPE,
@@ -79,8 +83,14 @@ class Guard:
             bufsize=0,  # a word is sent or it is not: none waits in a buffer for a pipe that has broken
             **own_session(self._hold_open),
         )
+        if hears_fd is not None:
+            os.close(hears_fd)  # the guards have it
         try:
-            orders = self._orders | {"tell_fd": self._tell_fd, "hold_open": self._hold_open}
+            orders = self._orders | {
+                "tell_fd": self._tell_fd,
+                "ear_fd": hears_fd,
+                "hold_open": self._hold_open,
+            }
             self._write(self._process, json.dumps(orders))
             self._wait_until_ready(self._process)
         except GuardError:
@@ -118,9 +128,10 @@ class Guard:
             process.wait()
         process.stdout.close()
         self._errors.close()
-        if self._tell_fd is not None:
-            os.close(self._tell_fd)
-            self._tell_fd = None
+        for fd in (self._tell_fd, self._second_ear):
+            if fd is not None:
+                os.close(fd)
+        self._tell_fd = self._second_ear = None
 
     @property
     def pid(self) -> int:
@@ -162,12 +173,18 @@ class Guard:
             raise GuardError(f"{fault}, so the arm is not moved any further; start the run again")
 
     def _tell(self, words: str) -> None:
-        """Send words; that they can't be sent is seen by `check`."""
+        """Send words to both guards; that they can't be sent is seen by `check`."""
         assert self._process is not None
         try:
             self._write(self._process, words)
         except GuardError as error:
             self._fault = self._fault or str(error)
+        if self._second_ear is None:
+            return  # the first passes them on
+        try:
+            os.write(self._second_ear, words.encode() + b"\n")  # short enough to go whole, or not at all
+        except OSError:
+            self._fault = self._fault or "the second guard does not listen"
 
     def _write(self, process: subprocess.Popen[bytes], words: str) -> None:
         assert process.stdin is not None

@@ -1,8 +1,9 @@
 """The guard's own process: waits for the program's death and then moves the arm to the safe position.
 
 On stdin: one JSON line of orders, then words, one a line: "away LOW HIGH SAFE" (where the output may be and
-where the arm is safe, V), "safe", "beat engine", "beat reader", "end". On stdout "alive", again and again, or
-"alone" where the second guard is dead. A pipe that closes without "end", a parent that is gone, or an engine or
+where the arm is safe, V), "safe", "beat engine", "beat reader", "end". The second guard has them from the program
+itself where a process can be handed a pipe, else from here. On stdout "alive", again and again, or "alone" where
+the second guard is dead. A pipe that closes without "end", a parent that is gone, or an engine or
 reader that is silent while the arm is away mean that nobody else will move it. `reset_device()` would not: an S
 Series output keeps its voltage.
 """
@@ -13,7 +14,6 @@ import contextlib
 import json
 import logging
 import os
-import queue
 import signal
 import subprocess
 import sys
@@ -21,12 +21,13 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 from analysis.recordings.trial import Calibration
 from rig.hardware.daq import Card
 from rig.hardware.errors import CardBusyError, HardwareError, RetreatFailedError
-from rig.hardware.processes import own_session
+from rig.hardware.hearing import Ear
+from rig.hardware.processes import ask_for_priority, own_session
 from rig.hardware.retreat import Bearings, Retreat, bring_to_safety
 from rig.hardware.telling import tell_person
 from rig.settings.rig_file import CardSettings, GuardSettings, LeverSettings
@@ -47,7 +48,8 @@ _DISOBEYED_S = 1.0
 _RETRY_S = 0.02
 
 _TELL_S = 0.3
-"""An arm that is not clear so long after the alarm is the person's to lift."""
+_TELL_LATEST_S = 0.95
+"""An arm that is not clear so long after the alarm, or after the last sign of life, is the person's to lift."""
 
 _BEATING = ("engine", "reader")
 
@@ -57,20 +59,19 @@ ToSafety = Callable[[Bearings | None], Retreat]
 def main() -> int:
     """Run the guard; 0 after an orderly end or a successful retreat, 1 where the arm could not be moved."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    with contextlib.suppress(OSError, AttributeError):
-        os.nice(-10)  # where it is allowed: it must not wait behind whatever keeps the computer busy
+    ask_for_priority()
     line = sys.stdin.buffer.readline()
     orders = json.loads(line)
     settings = GuardSettings.model_validate_json(json.dumps(orders["rig"]["guard"]))
     _log_to(settings.log_file)
     with card_of(orders) as card:
         card.connect()
-        second = _Second(line, orders["hold_open"])
-        words: queue.SimpleQueue[str | None] = queue.SimpleQueue()
-        threading.Thread(target=_listen, args=(sys.stdin.buffer, words), daemon=True).start()
+        second = _Second(line, orders["hold_open"], orders["ear_fd"])
+        ear = Ear()
+        ear.listen(sys.stdin.buffer, "program")
         print("ready", second.pid, flush=True)
         watch = Watch(
-            words,
+            ear,
             second,
             orders,
             heartbeat_timeout_s=settings.heartbeat_timeout_s,
@@ -98,9 +99,9 @@ def to_safety_with(card: Card, orders: dict[str, Any]) -> ToSafety:
 
 
 class _Second:
-    """The second guard: hears what this one hears, and that this one lives."""
+    """The second guard: hears that this one lives, and what this one hears unless it has an ear of its own."""
 
-    def __init__(self, orders: bytes, hold_open: list[int]) -> None:
+    def __init__(self, orders: bytes, hold_open: list[int], ear_fd: int | None) -> None:
         self._process = subprocess.Popen(
             [sys.executable, "-m", "rig.hardware.second_guard"],
             stdin=subprocess.PIPE,
@@ -108,7 +109,10 @@ class _Second:
             bufsize=0,
             **own_session(hold_open),
         )
+        if ear_fd is not None:
+            os.close(ear_fd)  # with the second guard alone: its death breaks the pipe
         self.pid = self._process.pid
+        self.hears_program = ear_fd is not None
         self._write(orders)
         assert self._process.stdin is not None
         if sys.platform != "win32":
@@ -129,19 +133,12 @@ class _Second:
             self._process.stdin.write(line)
 
 
-def _listen(pipe: BinaryIO, words: queue.SimpleQueue[str | None]) -> None:
-    """Put the program's words into the queue, and None at the end of the pipe."""
-    for line in pipe:
-        words.put(line.decode().strip())
-    words.put(None)
-
-
 class Watch:
     """What the guard knows of the program, and what it does about it."""
 
     def __init__(
         self,
-        words: queue.SimpleQueue[str | None],
+        ear: Ear,
         second: _Second,
         orders: dict[str, Any],
         *,
@@ -149,7 +146,7 @@ class Watch:
         to_safety: ToSafety,
         free: Callable[[], None],
     ) -> None:
-        self._words = words
+        self._ear = ear
         self._second = second
         self._orders = orders
         self._timeout_s = heartbeat_timeout_s
@@ -187,24 +184,21 @@ class Watch:
             silent = [who for who in _BEATING if now_s - self._heard_s[who] > self._timeout_s]
             if self._bearings is not None and silent:
                 why = f"no sign of life of the {' and the '.join(silent)} for {self._timeout_s:g} s"
-                self._move(why, program=self._orders["program"])
+                silent_s = now_s - min(self._heard_s[who] for who in silent)
+                self._move(why, program=self._orders["program"], silent_s=silent_s)
                 self._bearings = None
 
     def _hear(self) -> None:
         """Take in all words that have come, waiting a little for the first."""
-        try:
-            word = self._words.get(timeout=_LOOK_S)
-            while True:
-                self._take(word)
-                word = self._words.get_nowait()
-        except queue.Empty:
-            return
+        for _, word in self._ear.heard(_LOOK_S):
+            self._take(word)
 
     def _take(self, word: str | None) -> None:
         if word is None:
             self._gone = True
             return
-        self._second.say(word)
+        if not self._second.hears_program:
+            self._second.say(word)
         kind, *values = word.split()
         if kind == "beat":
             self._heard_s[values[0]] = time.monotonic()
@@ -226,11 +220,18 @@ class Watch:
         with contextlib.suppress(OSError):
             print("alive" if self._second.alive else "alone", flush=True)
 
-    def _move(self, why: str, *, program: int | None) -> int:
+    def _move(self, why: str, *, program: int | None, silent_s: float = 0.0) -> int:
         self._second.say("moving")
-        code = move(why, self._to_safety, self._bearings, program=program, tell_fd=self._orders["tell_fd"])
+        code = move(
+            why,
+            self._to_safety,
+            self._bearings,
+            program=program,
+            tell_fd=self._orders["tell_fd"],
+            silent_s=silent_s,
+        )
         if code == 0:
-            self._second.say("safe")
+            self._second.say("moved")
         return code
 
 
@@ -241,18 +242,23 @@ def move(
     *,
     program: int | None,
     tell_fd: int | None,
+    silent_s: float = 0.0,
+    told: bool = False,
 ) -> int:
     """Bring the arm to safety, trying while the card is still held; 0 when it is there.
 
-    ``program``: a process to be ended where it holds the card. A person is told where it takes time.
+    ``program``: a process to be ended where it holds the card. A person is told where it takes time, ``silent_s``
+    having passed before the alarm; with ``told`` that has been done.
     """
     began_s = time.monotonic()
     _log.warning("%s and the arm is not safe: taking the card", why)
-    told = threading.Timer(
-        _TELL_S, tell_person, (tell_fd, f"{why} and the arm is not clear yet: LIFT IT BY HAND")
+    tell_s = 0.0 if told else max(min(_TELL_S, _TELL_LATEST_S - silent_s), 0.0)
+    telling = threading.Timer(
+        tell_s, tell_person, (tell_fd, f"{why} and the arm is not clear yet: LIFT IT BY HAND")
     )
-    told.daemon = True
-    told.start()
+    telling.daemon = True
+    if not told:
+        telling.start()
     while True:
         try:
             done = to_safety(bearings)
@@ -261,7 +267,7 @@ def move(
             _log.warning("after %.3f s: %s", spent_s, error)
             if spent_s > (_DISOBEYED_S if isinstance(error, RetreatFailedError) else _TRIES_S):
                 _log.error("the arm could not be moved; lift it by hand")
-                told.cancel()
+                telling.cancel()
                 tell_person(tell_fd, f"the arm could not be moved away, LIFT IT BY HAND: {error}")
                 return 1
             if isinstance(error, CardBusyError) and program is not None:
@@ -272,12 +278,12 @@ def move(
                 program = None
             time.sleep(_RETRY_S)
         else:
-            told.cancel()
+            telling.cancel()
             spent_s = time.monotonic() - began_s
             _log.warning(
                 "arm moved from %.3f to %.3f mm, %.3f s after the alarm", done.from_mm, done.to_mm, spent_s
             )
-            if spent_s > _TELL_S:
+            if spent_s > tell_s:
                 tell_person(tell_fd, "the arm is clear")
             return 0
 

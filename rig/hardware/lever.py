@@ -207,6 +207,14 @@ class Lever:
         self._brake.halt(self._recording())
         return self.commanded_mm
 
+    def flee(self) -> None:
+        """Have the arm leave for safety within a read, whatever the program's thread does; from any thread.
+
+        It only sets a flag, for the thread that reads: where recording is off nothing happens. Motions are
+        refused from then on; `retreat` waits for its arrival.
+        """
+        self._brake.flee()
+
     def retreat(self) -> None:
         """Move slew-limited to the safe position and wait until it is there.
 

@@ -74,8 +74,11 @@ class Playback:
         triggered: bool,
         finder: StartFinder | None,
         samples_read: Callable[[], int],
+        acquired: Callable[[], int] | None = None,
     ) -> None:
         self._output = output
+        self._acquired = acquired
+        self._out_before: int | None = None
         self.volts = volts
         self._expected = expected_sample
         self._triggered = triggered
@@ -125,7 +128,15 @@ class Playback:
             return True
         started = self.started_sample
         begin = self._expected if started is None else started
-        return self._samples_read() >= begin + self.n and self._output.done()
+        if self._samples_read() < begin + self.n:
+            return False
+        if self._out_before is None:
+            if not self._output.done():
+                return False
+            # one that began later than expected, on a busy computer, may not be in what was read so far
+            acquired = self._acquired if started is None else None
+            self._out_before = begin if acquired is None else acquired()
+        return self._samples_read() >= self._out_before
 
     def mark_stopped(self) -> None:
         """The lever has stopped it."""

@@ -9,21 +9,37 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import pytest
+
+# a window is measured without a screen, where there is one and where there is none
+os.environ["QT_QPA_PLATFORM"] = "offscreen"
+
+
+def _module(name: str, path: Path) -> ModuleType:
+    spec = spec_from_file_location(name, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = sys.modules[name] = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 @pytest.fixture(scope="session")
 def simulate() -> Callable[..., Any]:
     """Function that simulates a trial of exactly known tissue; see tests/analysis/relaxation/conftest.py."""
     path = Path(__file__).parents[1] / "analysis" / "relaxation" / "conftest.py"
-    spec = spec_from_file_location("relaxation_simulator", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = module_from_spec(spec)
-    spec.loader.exec_module(module)
-    function: Callable[..., Any] = module.simulate_trial
+    function: Callable[..., Any] = _module("relaxation_simulator", path).simulate_trial
+    return function
+
+
+@pytest.fixture(scope="session")
+def standing_bench() -> Callable[[Path], AbstractContextManager[Any]]:
+    """Function (folder) -> context manager of a bench that outlives those who use it; see standing_bench.py."""
+    path = Path(__file__).parent / "standing_bench.py"
+    function: Callable[..., Any] = _module("standing_bench", path).standing_bench
     return function
 
 

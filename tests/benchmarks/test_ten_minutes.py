@@ -38,7 +38,7 @@ def test_ten_minutes_without_a_gap(
         )
         n = round(60 * MINUTES * rate)
         with TrialWriter(tmp_path / "long.h5", header, n) as writer, Filing(writer) as filing:
-            recorder = Recorder(lever, writer, filing.check, lambda _: None)
+            recorder = Recorder(lever, writer, filing.note, filing.check, lambda _: None)
             lever.start_recording(filing.keep)
             began = time.monotonic()
             recorder.take_for(0.1)

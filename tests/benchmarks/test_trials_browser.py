@@ -14,8 +14,6 @@ import pytest
 
 from analysis.recordings import write_trial
 
-os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
-
 pytestmark = pytest.mark.benchmark
 
 N_FILES, N_OVERLAID, N_SAMPLES = 2000, 100, 80_000

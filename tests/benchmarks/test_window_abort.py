@@ -5,12 +5,9 @@
 
 from __future__ import annotations
 
-import importlib.util
 import os
-import sys
 import time
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -35,19 +32,11 @@ hold_s = {hold}
 """
 
 
-def beside(name: str) -> ModuleType:
-    """Import a module of this folder, which is no package."""
-    spec = importlib.util.spec_from_file_location(name, Path(__file__).parent / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = sys.modules[name] = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 @pytest.mark.slow
 @pytest.mark.benchmark
-def test_esc_to_the_arm_moving_away(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, qtbot: Any) -> None:
+def test_esc_to_the_arm_moving_away(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, qtbot: Any, standing_bench: Any
+) -> None:
     from PySide6.QtCore import Qt
     from PySide6.QtTest import QTest
     from PySide6.QtWidgets import QApplication
@@ -61,7 +50,7 @@ def test_esc_to_the_arm_moving_away(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     states = (State.APPROACHING, State.RAMPING, State.HOLDING)
     keys: list[float] = []
     whens: list[State] = []
-    with beside("standing_bench").standing_bench(tmp_path) as bench:
+    with standing_bench(tmp_path) as bench:
         window = Window(Habits(tmp_path / "habits.json"), tmp_path / "logs")
         window.resize(1366, 768)
         window.show()

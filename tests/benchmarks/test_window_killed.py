@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import os
 import signal
 import subprocess
@@ -13,7 +12,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
+from typing import Any
 
 import numpy as np
 import psutil
@@ -57,28 +56,17 @@ if __name__ == "__main__":
 """
 
 
-def beside(name: str) -> ModuleType:
-    """Import a module of this folder, which is no package."""
-    spec = importlib.util.spec_from_file_location(name, Path(__file__).parent / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = sys.modules[name] = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 @pytest.mark.slow
 @pytest.mark.benchmark
-def test_the_window_is_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_window_is_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, standing_bench: Any) -> None:
     monkeypatch.setenv("INDENTER_RUNTIME_DIR", str(tmp_path / "runs"))
-    monkeypatch.setenv("QT_QPA_PLATFORM", "offscreen")
     random = np.random.default_rng(7)
     script, protocol = tmp_path / "window.py", tmp_path / "one.toml"
     script.write_text(WINDOW)
     protocol.write_text(STUDY)
     rings = set(Path("/dev/shm").glob("psm_*")) if Path("/dev/shm").is_dir() else set()
     safe_ms, in_skin, aborted = [], 0, 0
-    with beside("standing_bench").standing_bench(tmp_path) as bench:
+    with standing_bench(tmp_path) as bench:
         for i in range(KILLS):
             out = tmp_path / f"out{i}"
             window = subprocess.Popen(

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from analysis.recordings import TrialHeader, TrialWriter, read_trial
-from analysis.recordings.trial import Calibration
-from rig.engine.errors import FilingError
-from rig.engine.filing import Filing
+from analysis.recordings.trial import Calibration, Phase
+from rig.engine.errors import DiskSilentError, FilingError
+from rig.engine.filing import Filing, TrialFile
 from rig.hardware.lever import Chunk
 
 CALIBRATION = Calibration(2.0, -10.0, 0.015, 0.0, 2.0, -10.0)
@@ -89,6 +89,42 @@ def test_nobody_waits_for_a_slow_disk(tmp_path: Path, monkeypatch: pytest.Monkey
         assert writer.n_samples == 0
         disk.set()
     assert read_trial(tmp_path / "t.h5").n_samples == 4000
+
+
+def test_what_is_noted_waits_for_the_disk_and_nobody_for_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    disk = threading.Event()
+    writer = a_writer(tmp_path)
+    append = writer.append
+    monkeypatch.setattr(writer, "append", lambda *channels: disk.wait(10) and append(*channels))
+    with writer, Filing(writer) as filing:
+        filing.keep(chunk(0))
+        filing.note(lambda: writer.set_phases([Phase("approach", 0, 30)]))
+        filing.end()
+        filing.note(lambda: writer.set_phases([Phase("approach", 0, 20)]))
+        assert writer.phases == ()
+        disk.set()
+    assert read_trial(tmp_path / "t.h5").phases == (Phase("approach", 0, 20),)
+
+
+def test_a_disk_that_hangs_is_told_and_not_waited_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    disk = threading.Event()
+    writer = a_writer(tmp_path)
+    writer.append([1.0], [2.0], [3.0])
+    monkeypatch.setattr(writer, "append", lambda *_: disk.wait(60))
+    monkeypatch.setattr(writer, "finish", lambda *_: pytest.fail("more was asked of the disk"))
+    with (
+        pytest.raises(DiskSilentError, match=r"taken nothing for 0.2 s.*indenter rescue"),
+        TrialFile(writer),
+        Filing(writer, patience_s=0.2) as filing,
+    ):
+        filing.keep(chunk(0))
+    disk.set()
+    assert read_trial(tmp_path / "t.h5").n_samples == 1
+    writer._close()
 
 
 def test_a_full_disk_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -104,6 +104,32 @@ def test_a_study_with_rests_in_no_time(bench: Any, witness: Any, tmp_path: Path)
     assert State.RESTING in seen.states
 
 
+@pytest.mark.parametrize("state", [State.APPROACHING, State.HOLDING])
+def test_a_stop_in_the_midst_of_a_motion_is_no_fault(
+    bench: Any, witness: Any, tmp_path: Path, state: State
+) -> None:
+    interrupts = Interrupts()
+    seen = witness()
+    follow = seen.follow
+    left = [1200]  # samples into the state: the arm moves by then
+
+    def stop_in_the_midst(chunk: Any) -> None:
+        follow(chunk)
+        if seen.states and seen.states[-1] is state and left[0] > 0:
+            left[0] -= chunk.n
+            if left[0] <= 0:
+                interrupts.request()
+
+    seen.follow = stop_in_the_midst
+    with pytest.raises(Interrupted):
+        bench.run(STUDY, tmp_path, witness=seen, interrupts=interrupts)
+    assert seen.states[-2:] == [State.LEAVING, State.STOPPED]
+    assert bench.safe
+    cut_off = read_trial(next(tmp_path.glob("*.h5")))
+    assert cut_off.status == "aborted"
+    assert "stopped by the operator" in cut_off.status_reason
+
+
 def test_stop_and_go_on(bench: Any, witness: Any, tmp_path: Path) -> None:
     interrupts = Interrupts()
 

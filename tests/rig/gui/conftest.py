@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -16,6 +17,14 @@ os.environ["QT_QPA_PLATFORM"] = "offscreen"
 def _own_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("XDG_CONFIG_HOME", "XDG_CACHE_HOME", "XDG_STATE_HOME"):
         monkeypatch.setenv(name, str(tmp_path / "home" / name.lower()))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _garbage_in_this_thread() -> Iterator[None]:
+    """Widgets left in cycles go here, not in whichever thread of a later test happens to collect them."""
+    yield
+    gc.unfreeze()  # what each window set aside
+    gc.collect()
 
 
 @pytest.fixture

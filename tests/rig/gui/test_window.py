@@ -298,6 +298,7 @@ def test_the_rigs_program_is_killed_and_the_study_is_gone_on_with(drive: Driver)
     os.kill(window.link.process.pid, signal.SIGKILL)
     drive.until(lambda: window.link.state.link == "died")
     assert "has ended while holding" in window.link.state.trouble
+    assert "the guard takes the arm clear" in drive.log()
     assert window.shell.header._doing.text() == "the rig's program has died"
     # the guard holds the bench until the arm is clear; another can be started all the same
     window.connect_rig(drive.folder / "rig.toml")
@@ -308,6 +309,21 @@ def test_the_rigs_program_is_killed_and_the_study_is_gone_on_with(drive: Driver)
     drive.until(lambda: window.study.table.n_done() == 2)
     drive.until(drive.at_rest)
     assert read_trial(out / "002_index_0.30mm_r2_again2.h5").status == "complete"
+
+
+def test_a_program_killed_with_its_guards_leaves_the_arm_to_the_person_who_is_told(drive: Driver) -> None:
+    window = drive.window
+    drive.load("alone", hold=30.0)
+    drive.start()
+    drive.until(lambda: drive.state is State.HOLDING)
+    facts = window.link.state.snapshot.bench
+    assert facts is not None
+    assert len(facts.guards) == 2
+    assert window.link.process is not None
+    for pid in (*facts.guards, window.link.process.pid):
+        os.kill(pid, signal.SIGKILL)
+    drive.until(lambda: window.link.state.link == "died")
+    assert "NO GUARD IS LEFT: LIFT THE ARM BY HAND" in drive.log()
 
 
 def test_a_frozen_program_is_ended_by_an_abort(drive: Driver) -> None:

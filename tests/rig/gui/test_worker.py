@@ -12,7 +12,9 @@ from typing import Any
 
 import psutil
 import pytest
+from PySide6.QtCore import QObject
 from pytestqt.qtbot import QtBot
+from shiboken6 import delete
 
 from analysis.recordings import read_trial
 from rig.gui.worker import Worker
@@ -86,6 +88,24 @@ def test_a_death_is_told_and_the_next_job_is_done(qtbot: QtBot) -> None:
     worker.ask("a third", operator.add, 4, 5, then=got.append)
     qtbot.waitUntil(lambda: got[-1] == 9, timeout=LONG_MS)
     worker.close()
+
+
+def test_nobody_is_called_back_who_has_gone(worker: Worker, qtbot: QtBot) -> None:
+    got: list[int] = []
+
+    class Page(QObject):
+        def ask(self) -> None:
+            def shown(total: int) -> None:
+                got.append(total)
+                self.objectName()  # as a page would touch its widgets
+
+            worker.ask("a sum in vain", operator.add, 2, 3, then=shown)
+
+    page = Page()
+    page.ask()
+    delete(page)
+    worker.ask("a sum", operator.add, 3, 4, then=got.append)
+    qtbot.waitUntil(lambda: got == [7], timeout=LONG_MS)
 
 
 def test_a_long_job_delays_no_other_and_can_be_ended(worker: Worker, qtbot: QtBot) -> None:

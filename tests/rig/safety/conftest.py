@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 
 from analysis.recordings.trial import Calibration
@@ -149,8 +150,27 @@ class Program:
 
     process: subprocess.Popen[str]
     bench: Standing
-    said: str = ""
-    seen_guards: list[int] = field(default_factory=list)
+    lines: list[tuple[float, str]] = field(default_factory=list)
+    """What it and its guards said, and when."""
+    seen_guards: list[psutil.Process] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._hearing = threading.Thread(target=self._hear, daemon=True)
+        self._hearing.start()
+
+    def _hear(self) -> None:
+        assert self.process.stderr is not None
+        for line in self.process.stderr:
+            self.lines.append((time.monotonic(), line))
+
+    @property
+    def said(self) -> str:
+        return "".join(line for _, line in self.lines)
+
+    def told_to_lift_s(self) -> float:
+        """When the person was told to lift the arm, on the clock of time.monotonic(); infinity if never."""
+        told = [when for when, line in self.lines if "lift it by hand" in line.lower()]
+        return told[0] if told else float("inf")
 
     def until_pressed(self, least_mn: float = 20.0, within_s: float = 60.0) -> None:
         """Wait until the finger feels so much."""
@@ -162,7 +182,7 @@ class Program:
     def _wait(self, condition: Callable[[], bool], within_s: float) -> None:
         deadline_s = time.monotonic() + within_s
         while not condition():
-            assert self.process.poll() is None, self.process.communicate()
+            assert self.process.poll() is None, self.said
             assert time.monotonic() < deadline_s, "did not happen in time"
             time.sleep(0.002)
         assert self.guards  # noted, to be ended with the test
@@ -170,41 +190,43 @@ class Program:
     @property
     def guards(self) -> list[int]:
         """The guard's process and the second guard's."""
-        import psutil
-
         found = []
         for child in psutil.Process(self.process.pid).children(recursive=True):
             words = ""
             with contextlib.suppress(psutil.Error):
                 words = " ".join(child.cmdline())
             if "guard_process" in words:
-                found.insert(0, child.pid)
+                found.insert(0, child)
             elif "second_guard" in words:
-                found.append(child.pid)
+                found.append(child)
         self.seen_guards = found or self.seen_guards
-        return found
+        return [guard.pid for guard in found]
 
     def signal(self, number: int = signal.SIGKILL) -> None:
         self.process.send_signal(number)
 
     def wait(self, within_s: float = 40.0) -> int:
-        """Wait for its end; the exit code. What it said is kept."""
-        reading = threading.Thread(target=lambda: setattr(self, "said", self.process.communicate()[1]))
-        reading.start()
-        reading.join(within_s)
-        assert not reading.is_alive(), "the program does not exit"
-        return self.process.returncode
+        """Wait for its end, and its guards'; the exit code."""
+        end_s = time.monotonic() + within_s
+        code = self.process.wait(within_s)
+        self._hearing.join(end_s - time.monotonic())
+        assert not self._hearing.is_alive(), "the program does not exit"
+        return code
 
     def end(self) -> None:
         """Let nothing of it stay, frozen or not: what holds the arm then is the next run's business."""
         running = self.process.poll() is None
-        for pid in {*self.seen_guards, *(self.guards if running else ())}:
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(pid, signal.SIGKILL)
+        if running:
+            assert self.guards is not None  # those that are there now
+        for guard in self.seen_guards:
+            with contextlib.suppress(psutil.NoSuchProcess):
+                guard.kill()  # that process, and none that has its number by now
         if running:
             self.process.kill()
-        if not self.said and self.process.stderr is not None and not self.process.stderr.closed:
-            self.wait()
+            self.process.wait()
+        self._hearing.join(10.0)
+        assert self.process.stderr is not None
+        self.process.stderr.close()
 
 
 @contextmanager
@@ -215,6 +237,9 @@ def standing(folder: Path, settings: str) -> Iterator[Standing]:
     )
     assert rig.companion is not None
     with Companion(rig.companion) as companion:
+        with contextlib.suppress(PermissionError):
+            # it stands for a card and an arm, which wait for no processor
+            os.setpriority(os.PRIO_PROCESS, companion.pid, -10)
         control = ControlService(companion.resolve("companion:control"))
         yield Standing(companion, control, folder)
         control.close()
@@ -240,6 +265,18 @@ def _fresh(bench: Standing, folder: Path) -> Standing:
         make_safe(folder / "rig.toml")
     bench.largest_force_mn()
     return Standing(bench.companion, bench.control, folder)
+
+
+@pytest.fixture(scope="module")
+def good_run_mn(_virtual: Standing, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], float]:
+    """Function (protocol) -> the largest force on the finger in a run of it without a fault, mN."""
+
+    def run(protocol: str) -> float:
+        bench = _fresh(_virtual, tmp_path_factory.mktemp("good"))
+        bench.run(protocol)
+        return bench.largest_force_mn()
+
+    return run
 
 
 @pytest.fixture

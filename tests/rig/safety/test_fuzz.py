@@ -61,9 +61,13 @@ def mangled(text: str, random: np.random.Generator) -> str:
     return "\n".join(lines) + "\n"
 
 
+took_each_s: list[float] = []
+"""What each file took."""
+
+
 def judged(number: int, work: Callable[[], object]) -> bool:
     """Whether it was taken; a refusal must be one line, and either must be quick."""
-    began_s = time.monotonic()
+    began_s = time.thread_time()
     try:
         work()
         taken = True
@@ -71,7 +75,10 @@ def judged(number: int, work: Callable[[], object]) -> bool:
         taken = False
         assert "\n" not in str(error), number
         assert 10 < len(str(error)) < 1500, (number, str(error)[:200])
-    assert time.monotonic() - began_s < LIMIT_S * 3, number  # three times: other jobs share the computer
+    # of this thread's own time: other jobs share the computer, and reading a file waits for nothing
+    took_s = time.thread_time() - began_s
+    assert took_s < LIMIT_S, number
+    took_each_s.append(took_s)
     return taken
 
 
@@ -160,4 +167,4 @@ def test_files_that_are_nearly_right(tmp_path: Path, share: float) -> None:
         "calibrations": calibrations(round(200 * share), random, tmp_path),
         "trial files": trial_files(round(150 * share), random, tmp_path),
     }
-    print(f"\n{round(1000 * share)} files, taken as good: {taken}")
+    print(f"\n{len(took_each_s)} files, taken as good: {taken}; the longest took {max(took_each_s):.2f} s")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -28,6 +29,12 @@ ONE = (
 FORCE_DEAD = {"line": "force", "gain": 0.0}
 
 
+@pytest.fixture(scope="module")
+def asked_mn(good_run_mn: Callable[[str], float]) -> float:
+    """The most that the finger feels of a run without a fault, mN."""
+    return good_run_mn(ONE)
+
+
 def test_a_good_run_is_within_what_the_protocol_asks_for(bench: Any) -> None:
     trial = read_trial(bench.run(ONE))
     assert trial.status == "complete"
@@ -36,9 +43,9 @@ def test_a_good_run_is_within_what_the_protocol_asks_for(bench: Any) -> None:
 
 
 @pytest.mark.parametrize("state", ["approaching", "dwelling", "ramping", "holding"])
-def test_a_force_line_that_goes_dead_reverses_the_arm(bench: Any, witness: Any, state: str) -> None:
-    bench.run(ONE, name="good")
-    asked_mn = bench.largest_force_mn()
+def test_a_force_line_that_goes_dead_reverses_the_arm(
+    bench: Any, witness: Any, state: str, asked_mn: float
+) -> None:
     seen = witness(state, lambda: bench.fault("wire", **FORCE_DEAD))
     with pytest.raises(LimitHit, match="the force signal went dead"):
         bench.run(ONE, witness=seen)
@@ -51,10 +58,8 @@ def test_a_force_line_that_goes_dead_reverses_the_arm(bench: Any, witness: Any, 
 @pytest.mark.parametrize("line", ["position", "loopback"])
 @pytest.mark.parametrize("state", ["approaching", "holding", "retracting"])
 def test_a_line_that_goes_dead_does_not_press_the_finger(
-    bench: Any, witness: Any, state: str, line: str
+    bench: Any, witness: Any, asked_mn: float, state: str, line: str
 ) -> None:
-    bench.run(ONE, name="good")
-    asked_mn = bench.largest_force_mn()
     seen = witness(state, lambda: bench.fault("wire", line=line, gain=0.0))
     with pytest.raises(RigError, match=r"lift it by hand|limit hit|loopback_channel"):
         bench.run(ONE, witness=seen)
@@ -63,9 +68,7 @@ def test_a_line_that_goes_dead_does_not_press_the_finger(
     assert bench.clear
 
 
-def test_a_force_that_is_cut_off_is_no_force(bench: Any, witness: Any) -> None:
-    bench.run(ONE, name="good")
-    asked_mn = bench.largest_force_mn()
+def test_a_force_that_is_cut_off_is_no_force(bench: Any, asked_mn: float) -> None:
     bench.fault("wire", line="force", high_v=0.9)
     with pytest.raises(LimitHit, match="went dead"):
         bench.run(ONE)

@@ -66,7 +66,7 @@ class Account:
 
     @cached_property
     def evidence(self) -> FloatArray:
-        """Log predictive density (n,) of each trial given the others, in nats, but for what is the same for all."""
+        """Log predictive density (n,) of each trial given the others, in nats, but for what all accounts share."""
         fit = self.fit
         determinants = np.array([p.log_determinant for p in fit.projectors])
         determinants += np.array([w.log_determinant for w in fit.whiteners])
@@ -74,7 +74,7 @@ class Account:
         return np.asarray(-0.5 * (deviance + determinants) - self.cost / len(deviance))
 
     def gain_over(self, other: Account) -> tuple[float, float]:
-        """Return the gain in nats over another account of the same trials, each by its own noise, and its paired error."""
+        """Return the gain in nats, with its paired error, over another account of the trials, each by its own noise."""
         gain = self.evidence - other.evidence
         return float(gain.sum()), float(np.std(gain) * np.sqrt(len(gain)))
 

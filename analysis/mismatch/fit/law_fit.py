@@ -36,7 +36,7 @@ def parameter_scale(p: Parameter, value: float, typical: float) -> float:
 
 
 def law_columns(trial: CellTrial, state: TrialState, shared: Shared) -> FloatArray:
-    """Return the change of force (n, P) by every free parameter of the laws on the scale of its fit, and by delay, mN."""
+    """Return the change of force (n, P) by every free parameter of the laws on its fit's scale, and by delay, mN."""
     base = simulate(trial, state, shared)
     columns = []
     for at, law in enumerate(shared.laws):

@@ -189,10 +189,15 @@ def orthonormal(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def log_determinant(own: OwnColumns) -> float:
-    """Return ln |V|, own parameters integrated out: over their prior where they have one, evenly where they are free."""
+    """Return ln |V|, own parameters integrated out over their prior, or evenly where they are free.
+
+    What a trial shows nothing of counts nothing.
+    """
+    H = own.information
+    shown = np.flatnonzero(np.diag(H) > 0.0)
     known = np.flatnonzero(np.diag(own.prior) > 0.0)
-    found = float(np.linalg.slogdet(own.information)[1])
-    return found - float(np.linalg.slogdet(own.prior[np.ix_(known, known)])[1]) if len(known) else found
+    of_prior = float(np.linalg.slogdet(own.prior[np.ix_(known, known)])[1]) if len(known) else 0.0
+    return float(np.linalg.slogdet(H[np.ix_(shown, shown)])[1]) - of_prior
 
 
 def from_mean(own: OwnColumns) -> FloatArray:

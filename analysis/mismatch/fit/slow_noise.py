@@ -23,7 +23,7 @@ NOTHING_GAINED = 1.0
 
 
 def power_law(fast: NoiseModel, change_mn: float, exponent: float, longest_s: float) -> NoiseModel:
-    """Return the noise with slow parts that change by ``change_mn`` rms in a second, as a power law to ``longest_s``."""
+    """Return the noise with slow parts of a power law that change by ``change_mn`` rms in a second."""
     times_s = [FASTEST_SLOW_S]
     while times_s[-1] < longest_s:
         times_s.append(times_s[-1] * LADDER)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from analysis.mismatch.fit.own import moved
 from analysis.mismatch.fit.study_fit import StudyFit
+from analysis.mismatch.fit.trial_fit import limited
 from analysis.mismatch.model.dictionary import Template, template_columns
 from analysis.mismatch.model.effects import simulate
 
@@ -35,7 +36,7 @@ def settled_columns(fit: StudyFit, j: int, wanted: Sequence[Template]) -> FloatA
         there, before = state, float(np.sum(fit.whiteners[j](columns[:, k]) ** 2))
         for _ in range(STEPS):
             step = np.linalg.solve(H, own.columns.T @ fit.whiteners[j](columns[:, k]))
-            there = moved(there, trial, -np.asarray(step, dtype=np.float64))
+            there = moved(there, trial, -limited(trial, own, step))
             followed = simulate(trial, there, shared) - base
             left = float(np.sum(fit.whiteners[j](followed) ** 2))
             if not left < before:

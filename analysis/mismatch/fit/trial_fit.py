@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -84,10 +86,15 @@ def _step(
     """Return a damped Gauss-Newton step (q,), no longer than a law stays smooth."""
     H = own.information
     damped = H + damping * np.diag(np.maximum(np.diag(H), 1e-12))
-    step = np.asarray(np.linalg.solve(damped, own.columns.T @ residual + pull), dtype=np.float64)
-    step[own.tissue] = np.clip(step[own.tissue], -LARGEST_LOG_STEP, LARGEST_LOG_STEP)
+    return limited(trial, own, np.linalg.solve(damped, own.columns.T @ residual + pull))
+
+
+def limited(trial: CellTrial, own: OwnColumns, step: NDArray[np.floating[Any]]) -> FloatArray:
+    """Return a step (q,) cut to where columns still hold."""
+    cut: FloatArray = np.array(step, dtype=np.float64)
+    cut[own.tissue] = np.clip(cut[own.tissue], -LARGEST_LOG_STEP, LARGEST_LOG_STEP)
     if trial.touches:
         z = 1 if trial.frees_offset else 0
         largest = LARGEST_SHARE_OF_DEPTH * max(abs(trial.depth_mm), 1e-6)
-        step[z] = np.clip(step[z], -largest, largest)
-    return step
+        cut[z] = np.clip(cut[z], -largest, largest)
+    return cut

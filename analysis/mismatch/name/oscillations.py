@@ -27,8 +27,8 @@ UNKNOWN_SIZE = 1.5
 HARMONIC = "harmonic"
 OVERTONES = {2: 0.3, 3: 0.15, 4: 0.1}
 """A body's rhythm is no sine: it has overtones of some such shares of its size."""
-TUNED = 15
-"""Frequencies tried about a scanned one."""
+TUNED, TUNED_SHARE = 15, 0.15
+"""Frequencies tried about a scanned one, no further away than this share of it."""
 CYCLES = 1.25
 """No rhythm is steadier than a cycle or so, or faster to change."""
 
@@ -156,7 +156,8 @@ def tuned(fit: StudyFit, j: int, near_hz: float, size_mm: float) -> float:
     touching = simulate(trial, replace(state, offset_mn=0.0), fit.shared) > 0.0
     stiffness = float(state.tissue.k0 + state.tissue.k1 + state.tissue.k2)
     time_s = trial.time_s
-    tried = near_hz + np.linspace(-1.0, 1.0, TUNED) * SPACING / min(COHERENT_S, CYCLES / near_hz)
+    reach_hz = min(SPACING / COHERENT_S, TUNED_SHARE * near_hz)
+    tried = near_hz + np.linspace(-1.0, 1.0, TUNED) * reach_hz
     numbers = [n for n in (1, *OVERTONES) if 2.0 * n * near_hz < HIGHEST_HZ] or [1]
     prior = np.repeat([(stiffness * size_mm * OVERTONES.get(n, 1.0)) ** -2 for n in numbers], 2)
     phases = 2.0 * np.pi * np.multiply.outer(time_s, np.outer(tried, numbers).ravel())

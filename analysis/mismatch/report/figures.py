@@ -179,6 +179,8 @@ def _residual(figure: Any, diagnosis: Diagnosis, report: Report) -> None:
                 if marked:
                     axes.set_facecolor("#FFFBE0")
             if row == len(fits) - 1:
+                if phase in _SIGNED:
+                    axes.locator_params(axis="x", nbins=2)
                 axes.set_xlabel(
                     _SIGNED.get(phase, "share of it" if phase in ("ramp", "sweep") else "since start (s)")
                 )

@@ -41,7 +41,9 @@ def test_verdict_and_effects_stand_on_the_screen(
     assert "named: Found what the simulation left out" in captured.err
     assert "left out: broken.h5: no trial file" in captured.err
     effect = next(line for line in captured.err.splitlines() if line.startswith(" adhesion"))
-    assert "pull off 4.86 ± 0.19 mN" in effect
+    (said,) = (m for m in clinging.report["mechanisms"] if m["name"] == "adhesion")
+    size = said["parameters"]["pull_off_mn"]
+    assert f"pull off {size['value']:.2f} ± {size['se']:.2f} mN" in effect
     assert "< 0.0001" in effect
     assert "retract" in captured.err
 

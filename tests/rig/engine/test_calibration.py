@@ -100,6 +100,9 @@ class WorldLever:
     def prove(self) -> None:
         pass
 
+    def flee(self) -> None:
+        pass
+
     def look_for_force(self, force_mn: float | None) -> None:
         pass
 

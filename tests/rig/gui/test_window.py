@@ -15,6 +15,7 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QComboBox, QMenu, QMessageBox
 
 from analysis.recordings import read_trial
+from rig.commands.safe import make_safe
 from rig.engine.states import State
 from rig.gui.habits import Habits
 from rig.gui.window import Window
@@ -324,6 +325,9 @@ def test_a_program_killed_with_its_guards_leaves_the_arm_to_the_person_who_is_to
         os.kill(pid, signal.SIGKILL)
     drive.until(lambda: window.link.state.link == "died")
     assert "NO GUARD IS LEFT: LIFT THE ARM BY HAND" in drive.log()
+    make_safe(drive.folder / "rig.toml")
+    window.connect_rig(drive.folder / "rig.toml")
+    drive.until(lambda: window.link.state.link == "open")
 
 
 def test_a_frozen_program_is_ended_by_an_abort(drive: Driver) -> None:

@@ -13,6 +13,7 @@ from analysis.mismatch.locate.absorbed import Absorbed, find_absorbed
 from analysis.mismatch.locate.located import Located, locate, where_bursts
 from analysis.mismatch.locate.position_channel import PositionFinding, look_at_position
 from analysis.mismatch.locate.remainder import Remainder, remainder_of
+from analysis.mismatch.locate.transients import find_bursts
 from analysis.mismatch.name.finding import Finding, findings
 from analysis.mismatch.name.lines import Line, find_lines, without_lines
 from analysis.mismatch.name.ramp import undo_step
@@ -31,7 +32,6 @@ class Diagnosis:
     lines: tuple[Line, ...]
     located: tuple[Located, ...]
     left: tuple[Located, ...]
-    unnamed: Remainder
     remainder: Remainder
     absorbed: tuple[Absorbed, ...]
     position: PositionFinding | None
@@ -59,17 +59,15 @@ def diagnose(intake: Intake, *, baseline: str = "ramp", seed: int = 0) -> Diagno
     found = (*ramp, *findings(named, before, lines))
     # confirm on trials that were not fitted, and look at what is left
     nothing = Account(fit)
-    unnamed = remainder_of(nothing, nothing)
-    remainder = remainder_of(named.account, nothing) if named.account.names else unnamed
+    remainder = remainder_of(named.account if named.account.names else nothing, nothing)
     return Diagnosis(
         intake=intake,
         baseline=before,
         named=named,
         findings=found,
         lines=lines,
-        located=(*locate(before.fit, rng, all_of_them=bool(found)), *where_bursts(unnamed.bursts)),
+        located=(*locate(before.fit, rng, all_of_them=bool(found)), *where_bursts(find_bursts(nothing.fit))),
         left=(*locate(named.account.fit, rng), *where_bursts(remainder.bursts)),
-        unnamed=unnamed,
         remainder=remainder,
         absorbed=find_absorbed(named.account.fit),
         position=look_at_position(intake.trials, rng),

@@ -97,8 +97,8 @@ class StudyFit:
     def weighed_by(self, noise: NoiseModel) -> StudyFit:
         """Return the fit with cells weighed by another noise."""
         fit = replace(self, noise=noise, whiteners=tuple(Whitener(t, noise) for t in self.trials))
-        # the columns of the force are the same under any noise
-        fit.__dict__["force_columns"] = self.force_columns
+        if "force_columns" in self.__dict__:  # those of the force are the same under any noise
+            fit.__dict__["force_columns"] = self.force_columns
         return fit
 
 

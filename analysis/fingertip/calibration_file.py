@@ -30,10 +30,6 @@ class Calibration:
     pads: tuple[CalibratedPad, ...]
     scan: tuple[CalibratedPad, ...]
 
-    def pad_of(self, kind: Kind) -> CalibratedPad:
-        """Return the calibrated pad of a kind."""
-        return next(pad for pad in self.pads if pad.kind == kind)
-
 
 def write_calibration(folder: Path, found: Calibration) -> None:
     """Write calibrated.json into a folder that exists."""

@@ -10,7 +10,7 @@ from scipy.optimize import nnls
 
 from analysis.errors import BadInputError
 from analysis.simulation.cells import CellTrial
-from analysis.simulation.forward import RIGID_STIFFNESS_MN_PER_MM, PerTrial, indentation
+from analysis.simulation.forward import RIGID_STIFFNESS_MN_PER_MM, indentation
 from analysis.simulation.mechanism import Tissue
 from analysis.simulation.response import arm_force
 
@@ -52,11 +52,6 @@ def start_tissue(trials: Sequence[CellTrial]) -> Tissue:
     k, long_s, short_s = found
     floor = 1e-3 * float(np.max(k))
     return Tissue(max(k[0], floor), max(k[2], floor), float(long_s), max(k[1], floor), float(short_s))
-
-
-def start_own(trials: Sequence[CellTrial]) -> list[PerTrial]:
-    """Return first contact points and offsets."""
-    return [PerTrial(t.z0_start_mm, t.offset_start_mn) for t in trials]
 
 
 def start_rigid(trials: Sequence[CellTrial]) -> float:

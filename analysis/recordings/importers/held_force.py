@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.recordings.importers.draft import Draft
-from analysis.recordings.trial import Event, Phase
+from analysis.recordings.trial import Event
 
 _SETTLED = 0.05  # of a pause, in which the controller settles
 _HELD = 0.03  # of the peak, by which a held force may change in a pause
@@ -53,12 +53,3 @@ def without_held_force(draft: Draft) -> Draft:
         protocol=replace(draft.protocol, hold_s=None),
         log=(*draft.log, f"{words}: a creep, there is no hold"),
     )
-
-
-def creep_of(phases: tuple[Phase, ...], events: tuple[Event, ...], n_samples: int) -> tuple[int, int] | None:
-    """Return start and stop of the pause in which force was held, None where none is stated."""
-    event = next((event for event in events if event.kind == "force_held"), None)
-    if event is None:
-        return None
-    later = [phase.start for phase in phases if phase.start > event.sample]
-    return event.sample, min(later, default=n_samples)

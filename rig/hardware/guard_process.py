@@ -26,13 +26,15 @@ from typing import Any
 from analysis.recordings.trial import Calibration
 from rig.hardware.daq import Card
 from rig.hardware.errors import CardBusyError, HardwareError, RetreatFailedError
-from rig.hardware.hearing import Ear
+from rig.hardware.hearing import Ear, first_line
 from rig.hardware.processes import ask_for_priority, own_session
 from rig.hardware.retreat import Bearings, Retreat, bring_to_safety
 from rig.hardware.telling import tell_person
 from rig.settings.rig_file import CardSettings, GuardSettings, LeverSettings
 
 _log = logging.getLogger("guard")
+
+_STDIN = 0
 
 _LOOK_S = 0.02
 """How often the parent is looked at, beside the pipe."""
@@ -60,7 +62,7 @@ def main() -> int:
     """Run the guard; 0 after an orderly end or a successful retreat, 1 where the arm could not be moved."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     ask_for_priority()
-    line = sys.stdin.buffer.readline()
+    line = first_line(_STDIN)
     orders = json.loads(line)
     settings = GuardSettings.model_validate_json(json.dumps(orders["rig"]["guard"]))
     _log_to(settings.log_file)
@@ -68,7 +70,7 @@ def main() -> int:
         card.connect()
         second = _Second(line, orders["hold_open"], orders["ear_fd"])
         ear = Ear()
-        ear.listen(sys.stdin.buffer, "program")
+        ear.listen(_STDIN, "program")
         print("ready", second.pid, flush=True)
         watch = Watch(
             ear,

@@ -19,9 +19,11 @@ from typing import Any
 
 import psutil
 
-from rig.hardware.hearing import Ear
+from rig.hardware.hearing import Ear, first_line
 from rig.hardware.processes import ask_for_priority
 from rig.hardware.telling import tell_person
+
+_STDIN = 0
 
 _LOOK_S = 0.05
 _MOVING_S = 12.0
@@ -38,11 +40,11 @@ def main() -> int:
     """Run the second guard; 0 after an orderly end or a successful retreat, 1 where the arm could not be moved."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     ask_for_priority()
-    orders = json.loads(sys.stdin.buffer.readline())
+    orders = json.loads(first_line(_STDIN))
     ear = Ear()
-    ear.listen(sys.stdin.buffer, "guard")
+    ear.listen(_STDIN, "guard")
     if orders["ear_fd"] is not None:
-        ear.listen(os.fdopen(orders["ear_fd"], "rb"), "program")
+        ear.listen(orders["ear_fd"], "program")
     return _Second(orders, ear).until_the_end()
 
 

@@ -39,17 +39,18 @@ class RigBusyError(RigError):
 
 @dataclass(frozen=True, slots=True)
 class Occupant:
-    """Who has a rig: a run's process, when it began (s since 1970, and in words), and its guards."""
+    """Who has a rig: a run's process, when it began (s since 1970, and in words), its guards, whether it is over."""
 
     pid: int
     began_s: float
     since: str
     guards: tuple[int, ...] = ()
+    over: bool = False
 
     @property
     def alive(self) -> bool:
-        """Whether the run itself still goes on."""
-        return runs(self.pid, self.began_s)
+        """Whether the run itself still goes on: its process may have others before and after it."""
+        return not self.over and runs(self.pid, self.began_s)
 
     @classmethod
     def this_process(cls) -> Self:
@@ -70,6 +71,7 @@ class RigLock:
         self._path = Path(tempfile.gettempdir()) / f"indenter-{name}.lock"
         self._end_guards = end_guards
         self._fd: int | None = None
+        self._guards: tuple[int, ...] = ()
 
     def __enter__(self) -> Self:
         self._fd = self._open()
@@ -84,6 +86,8 @@ class RigLock:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        # whoever comes next waits for what is left of the guards, and not for this process
+        self._write(over=True)
         self._close()
 
     @property
@@ -94,8 +98,12 @@ class RigLock:
         return self._fd
 
     def note(self, guards: Sequence[int]) -> None:
-        """Write into the file who has the rig."""
-        mine = asdict(Occupant.this_process()) | {"guards": list(guards)}
+        """Write into the file who has the rig, and the processes of its guards."""
+        self._guards = tuple(guards)
+        self._write(over=False)
+
+    def _write(self, *, over: bool) -> None:
+        mine = asdict(Occupant.this_process()) | {"guards": list(self._guards), "over": over}
         # a file of another user's can be locked, and not written
         with contextlib.suppress(OSError):
             os.ftruncate(self.fd, 0)

@@ -60,6 +60,9 @@ class Witness:
     def follow(self, _: Any) -> None:
         pass
 
+    def mark(self, *_: Any) -> None:
+        pass
+
 
 @dataclass
 class Standing:

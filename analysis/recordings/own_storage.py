@@ -27,7 +27,14 @@ def refuse_foreign_storage(path: Path, file: Any, *, cut: bool = False) -> None:
     groups = [("", file)]
     while groups:
         where, group = groups.pop()
-        for name in group:
+        try:
+            with access(path, where or "/"):
+                names = list(group)
+        except BadInputError:
+            if cut:
+                continue
+            raise
+        for name in names:
             place = f"{where}/{name}"
             try:
                 with access(path, place):

@@ -82,6 +82,20 @@ def test_damaged_files_without_a_seal(tmp_path, a_trial, monkeypatch):
     assert 50 < refused < 250
 
 
+@pytest.mark.parametrize("signature", [b"TREE", b"HEAP", b"SNOD"])
+def test_a_damaged_list_of_names_is_told_as_what_it_is(tmp_path, a_trial, signature):
+    """Of whichever group, the root included: the place is named, and no reader dies of it."""
+    path = _blank_file(tmp_path, a_trial)
+    contents = path.read_bytes()[:-25]
+    parts = contents.split(signature)
+    assert len(parts) > 3
+    for k in range(1, len(parts)):
+        path.write_bytes(signature.join(parts[:k]) + b"XXXX" + signature.join(parts[k:]))
+        with pytest.raises(BadInputError, match=r"t\.h5: (/|the file's structure).* can't be read \(") as caught:
+            read_trial(path)
+        assert "\n" not in str(caught.value)
+
+
 def test_files_of_noise(tmp_path):
     rng = random.Random(5)
     for signature in (b"", b"\x89HDF\r\n\x1a\n", b"\x89HDF\r\n\x1a\n\0\0\0\0\0\x08\x08\0"):

@@ -3,7 +3,8 @@
 It is started before the arm moves, holds a pipe to the program, and hears where the output may be, and that
 engine and reader live. It reports back as often; when it falls silent the arm is brought to safety at once. It
 keeps a second guard, which hears the program by a pipe of its own and acts where nobody else does. Their side of
-the pipes is `rig.hardware.guard_process` and `rig.hardware.second_guard`.
+the pipes is `rig.hardware.guard_process` and `rig.hardware.second_guard`. Where all three are gone the sentinel
+tells the person.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from typing import IO, Self
 from analysis.recordings.trial import Calibration
 from rig.hardware.errors import GuardError
 from rig.hardware.processes import own_session
+from rig.hardware.sentinel import Sentinel, tell_sentinel
 from rig.settings.rig_file import RigFile
 
 _log = logging.getLogger(__name__)
@@ -49,6 +51,7 @@ class Guard:
         self._hold_open = list(hold_open)
         self._tell_fd: int | None = None
         self._second_ear: int | None = None
+        self._sentinel: Sentinel | None = None
         self._orders = {
             "rig": rig.model_dump(mode="json", include={"card", "lever", "guard"}),
             "card_address": card_address,
@@ -74,7 +77,8 @@ class Guard:
             self._tell_fd = os.dup(sys.__stderr__.fileno() if sys.__stderr__ is not None else 2)
             hears_fd, self._second_ear = os.pipe()
             os.set_blocking(self._second_ear, False)
-            self._hold_open += [self._tell_fd, hears_fd]
+            self._sentinel = Sentinel(self._tell_fd)
+            self._hold_open += [self._tell_fd, hears_fd, self._sentinel.fd]
         self._process = subprocess.Popen(
             [sys.executable, "-m", "rig.hardware.guard_process"],
             stdin=subprocess.PIPE,
@@ -89,6 +93,7 @@ class Guard:
             orders = self._orders | {
                 "tell_fd": self._tell_fd,
                 "ear_fd": hears_fd,
+                "sentinel_fd": self._sentinel_fd,
                 "hold_open": self._hold_open,
             }
             self._write(self._process, json.dumps(orders))
@@ -132,6 +137,13 @@ class Guard:
             if fd is not None:
                 os.close(fd)
         self._tell_fd = self._second_ear = None
+        if self._sentinel is not None:
+            self._sentinel.close()
+            self._sentinel = None
+
+    @property
+    def _sentinel_fd(self) -> int | None:
+        return None if self._sentinel is None else self._sentinel.fd
 
     @property
     def pid(self) -> int:
@@ -143,11 +155,13 @@ class Guard:
     def arm_away(self, low_v: float, high_v: float, safe_v: float) -> None:
         """Tell that the arm is about to move, between which voltages, and at which it is safe."""
         self._away = True
+        tell_sentinel(self._sentinel_fd, "away")
         self._tell(f"away {low_v!r} {high_v!r} {safe_v!r}")
 
     def arm_safe(self) -> None:
         """Tell that the arm rests at the safe position."""
         self._tell("safe")
+        tell_sentinel(self._sentinel_fd, "safe")
         self._away = False
 
     def beat(self, who: str) -> None:

@@ -145,8 +145,8 @@ class _Second:
             # it has not moved the arm, and would hold the card
             with contextlib.suppress(ProcessLookupError):
                 os.kill(first, signal.SIGTERM if sys.platform == "win32" else signal.SIGKILL)
-        from rig.hardware.guard_process import card_of, move, to_safety_with
         from rig.hardware.retreat import Bearings
+        from rig.hardware.taking_over import card_of, move, to_safety_with
 
         assert self._away is not None
         with card_of(self._orders) as card:
@@ -156,6 +156,7 @@ class _Second:
                 Bearings(*self._away),
                 program=program,
                 tell_fd=tell_fd,
+                sentinel_fd=self._orders["sentinel_fd"],
                 told=True,
             )
 

@@ -99,19 +99,31 @@ def test_after_two_failures_the_arm_is_clear_or_can_be_cleared(
         end(run)
         ended_s = time.monotonic()
         if all_dead:
-            # nobody is left: the next who comes takes the card
+            # nobody is left who could move it: the person is told, and the next who comes takes the card
             time.sleep(1.0)
             assert not real_bench.clear
             done = safe(real_bench)
             assert done.returncode == 0, done.stderr
             assert "the arm is clear" in done.stdout
+            assert "the program and its guards are gone" in run.said
         real_bench.seconds_until_clear()
         known_s = min(time.monotonic(), run.told_to_lift_s()) - ended_s
-        assert all_dead or known_s < 1.0 + BUSY_S
+        assert known_s < 1.0 + BUSY_S
         assert real_bench.largest_force_mn() < 100.0
     path = real_bench.folder / "out" / "index_0.40mm.h5"
     rescue_paths([path])
     assert read_trial(path).n_samples > 4000
+
+
+def test_of_a_run_that_dies_at_rest_nobody_is_told_to_lift_the_arm(real_bench: Any) -> None:
+    with real_bench.program(STUDY, name="study") as run:
+        file = real_bench.folder / "study" / "001_index_0.20mm_r1.h5"
+        run._wait(file.exists, 60)
+        run._wait(lambda: status_of(file) == "complete" and real_bench.clear, 60)
+        kill(*run.guards, run.process.pid)
+        run.wait()
+        assert real_bench.clear
+        assert "lift" not in run.said.lower()
 
 
 def test_a_frozen_program_is_relieved_of_the_arm(real_bench: Any) -> None:

@@ -91,7 +91,9 @@ def test_a_damaged_list_of_names_is_told_as_what_it_is(tmp_path, a_trial, signat
     assert len(parts) > 3
     for k in range(1, len(parts)):
         path.write_bytes(signature.join(parts[:k]) + b"XXXX" + signature.join(parts[k:]))
-        with pytest.raises(BadInputError, match=r"t\.h5: (/|the file's structure).* can't be read \(") as caught:
+        with pytest.raises(
+            BadInputError, match=r"t\.h5: (/|the file's structure).* can't be read \("
+        ) as caught:
             read_trial(path)
         assert "\n" not in str(caught.value)
 

@@ -131,6 +131,8 @@ Request = Annotated[
 ]
 _REQUEST: TypeAdapter[Request] = TypeAdapter(Request)
 
+_LONGEST_WHY = 300
+
 
 class _Envelope(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
@@ -175,7 +177,9 @@ def parse_request(message: bytes, token: str) -> Request | Verdict | None:
     except (ValidationError, UnicodeError) as error:
         first = error.errors()[0] if isinstance(error, ValidationError) else {"loc": (), "msg": "no text"}
         where = ".".join(str(part) for part in first["loc"]) or "the request"
-        return Verdict(_id_of(envelope.request), accepted=False, why=f"{where}: {first['msg']}")
+        # what was sent comes back in it: one line of that is enough for all who follow the run
+        why = " ".join(f"{where}: {first['msg']}".split())[:_LONGEST_WHY]
+        return Verdict(_id_of(envelope.request), accepted=False, why=why)
 
 
 class _OnlyId(BaseModel):

@@ -13,14 +13,23 @@ import os
 import subprocess
 import sys
 import threading
+import time
 from functools import cache
 from pathlib import Path
+
+import psutil
 
 from analysis.errors import BadInputError
 
 _START_S = 60.0
-_READ_S = 3.0
+_READ_S = 1.0
 _READ_S_PER_BYTE = 1e-7
+"""What reading may take of a processor, s: on a damaged file the library may go round for ever."""
+
+_WAITED = 10.0
+"""So many times as long is waited for: on a busy computer, or for a slow disk."""
+
+_LOOK_S = 0.05
 
 # finds this package where its parent found it, installed or not
 _CHILD = "import sys; sys.path.append(sys.argv[1]); from analysis.recordings.probing import serve; serve()"
@@ -38,9 +47,9 @@ class Probe:
         with self._lock:
             child = self._child or self._start()
             self._child = None  # kept only if it lives through this file
-            time_s = _READ_S + _READ_S_PER_BYTE * path.stat().st_size
+            work_s = _READ_S + _READ_S_PER_BYTE * path.stat().st_size
             there = str(path.absolute())  # the child stays in the folder it was started in
-            answer = _asked(child, json.dumps([there, cut]), time_s)
+            answer = _asked(child, json.dumps([there, cut]), work_s, _WAITED * work_s)
             if answer is None:
                 raise BadInputError(
                     f"{path}: the HDF5 library crashes or hangs on it: the file is damaged, copy it again"
@@ -60,7 +69,7 @@ class Probe:
             encoding="utf-8",
         )
         atexit.register(_end, child, os.getpid())
-        if _asked(child, "null", _START_S) is None:
+        if _asked(child, "null", _START_S, _START_S) is None:
             raise BadInputError("the process that checks trial files does not start: check the installation")
         return child
 
@@ -76,12 +85,16 @@ def probe(path: Path, *, cut: bool = False) -> None:
     _probe_of(os.getpid()).check(path, cut=cut)
 
 
-def _asked(child: subprocess.Popen[str], question: str, time_s: float) -> str | None:
-    """Return the child's answer, or None if it died of the question or took too long and was ended."""
+def _asked(child: subprocess.Popen[str], question: str, work_s: float, wait_s: float) -> str | None:
+    """Return the child's answer, or None if it died of the question or took too long and was ended.
+
+    It may use a processor for ``work_s``, and is waited for ``wait_s``.
+    """
     assert child.stdin is not None
     assert child.stdout is not None
-    timer = threading.Timer(time_s, child.kill)
-    timer.start()
+    answered = threading.Event()
+    watch = threading.Thread(target=_watch, args=(child, answered, work_s, wait_s), daemon=True)
+    watch.start()
     try:
         child.stdin.write(f"{question}\n")
         child.stdin.flush()
@@ -89,11 +102,29 @@ def _asked(child: subprocess.Popen[str], question: str, time_s: float) -> str | 
     except BrokenPipeError:
         answer = ""
     finally:
-        timer.cancel()
+        answered.set()
+        watch.join()
     if answer.endswith("\n"):
         return answer
     _end(child, os.getpid())
     return None
+
+
+def _watch(child: subprocess.Popen[str], answered: threading.Event, work_s: float, wait_s: float) -> None:
+    """End a child that takes too long over its answer."""
+    end_s = time.monotonic() + wait_s
+    with contextlib.suppress(psutil.Error):  # it is gone already
+        process = psutil.Process(child.pid)
+        worked_s = _worked_s(process)
+        while time.monotonic() < end_s and _worked_s(process) - worked_s < work_s:
+            if answered.wait(_LOOK_S):
+                return
+        child.kill()
+
+
+def _worked_s(process: psutil.Process) -> float:
+    times = process.cpu_times()
+    return float(times.user + times.system)
 
 
 def _end(child: subprocess.Popen[str], parent_id: int) -> None:

@@ -17,7 +17,7 @@ from rig.gui.bench_state import AT_REST, BenchState
 from rig.gui.bins import Bins
 from rig.gui.runner_process import START_S, RunnerProcess
 from rig.gui.simulated import rig_for_the_window
-from rig.hardware.second_guard import runs
+from rig.hardware.processes import runs
 
 FRAME_MS = 33
 _SLOW_S = 0.025

@@ -23,7 +23,7 @@ from typing import Self
 import psutil
 
 from rig.errors import RigError
-from rig.hardware.second_guard import runs
+from rig.hardware.processes import runs, started_s
 
 _POLL_S = 0.05
 
@@ -39,7 +39,7 @@ class RigBusyError(RigError):
 
 @dataclass(frozen=True, slots=True)
 class Occupant:
-    """Who has a rig: a run's process, when it began (s since 1970, and in words), its guards, whether it is over."""
+    """Who has a rig: a run's process, when it began (see `started_s`, and in words), its guards, whether it is over."""
 
     pid: int
     began_s: float
@@ -56,7 +56,7 @@ class Occupant:
     def this_process(cls) -> Self:
         """This run, from now on."""
         process = psutil.Process()
-        return cls(process.pid, process.create_time(), f"{datetime.now():%Y-%m-%d %H:%M:%S}")
+        return cls(process.pid, started_s(process), f"{datetime.now():%Y-%m-%d %H:%M:%S}")
 
 
 class RigLock:

@@ -1,4 +1,4 @@
-"""How a helper process is started so that Ctrl-C at the terminal, and the program's end, do not end it."""
+"""Processes: started so that neither Ctrl-C at the terminal nor the program's end ends them, and known again."""
 
 from __future__ import annotations
 
@@ -13,6 +13,9 @@ from typing import TypedDict
 import psutil
 
 _NICENESS = -10
+
+_SAME_S = 2.0
+"""Two accounts of when a process began may differ so much: the system rounds both of them to seconds, s."""
 
 
 class StartOptions(TypedDict, total=False):
@@ -64,3 +67,20 @@ def ask_for_priority() -> None:
         if os.getsid(0) == os.getpid():
             # processes are weighed within their session first; this one has a session of its own
             Path("/proc/self/autogroup").write_text(f"{_NICENESS}", encoding="ascii")
+
+
+def started_s(process: psutil.Process) -> float:
+    """When a process began, s, by a count that no change of the clock moves: what it is known by, with its number."""
+    # counted on Linux from the start of the computer, and only told by the clock
+    counted_from_s = psutil.boot_time() if sys.platform == "linux" else 0.0
+    return float(process.create_time() - counted_from_s)
+
+
+def runs(pid: int, began_s: float | None = None) -> bool:
+    """Whether a process runs, is no corpse, and (``began_s``, see `started_s`) is the one that was meant."""
+    try:
+        process = psutil.Process(pid)
+        same = began_s is None or abs(started_s(process) - began_s) < _SAME_S
+        return same and process.status() not in {psutil.STATUS_ZOMBIE, psutil.STATUS_DEAD}
+    except psutil.Error:
+        return False

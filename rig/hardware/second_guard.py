@@ -17,10 +17,8 @@ import sys
 import time
 from typing import Any
 
-import psutil
-
 from rig.hardware.hearing import Ear, first_line
-from rig.hardware.processes import ask_for_priority
+from rig.hardware.processes import ask_for_priority, runs
 from rig.hardware.telling import tell_person
 
 _STDIN = 0
@@ -46,16 +44,6 @@ def main() -> int:
     if orders["ear_fd"] is not None:
         ear.listen(orders["ear_fd"], "program")
     return _Second(orders, ear).until_the_end()
-
-
-def runs(pid: int, started_s: float | None = None) -> bool:
-    """Whether a process runs, is no corpse, and (``started_s``, s since 1970) is the one that was meant."""
-    try:
-        process = psutil.Process(pid)
-        same = started_s is None or abs(process.create_time() - started_s) < 1.0
-        return same and process.status() not in {psutil.STATUS_ZOMBIE, psutil.STATUS_DEAD}
-    except psutil.Error:
-        return False
 
 
 class _Second:

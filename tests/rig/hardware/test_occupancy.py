@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import psutil
 import pytest
 
 from rig.hardware.occupancy import RigBusyError, RigLock
@@ -77,3 +78,19 @@ def test_a_run_that_goes_on_keeps_others_out(address: str) -> None:
         other.wait()
         with RigLock(address, "Dev1"):
             pass
+
+
+@pytest.mark.skipif(
+    sys.platform != "linux", reason="elsewhere a change of the clock moves no process's beginning"
+)
+def test_a_clock_that_is_set_makes_no_run_a_dead_one(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else `indenter safe` would take the card, and the guards, from a run that goes on."""
+    with another_process(address, 0.0) as other:
+        assert other.stdout is not None
+        assert other.stdout.readline() == "held\n"
+        boot_s = psutil.boot_time()
+        # the system tells all its times by the clock, which has been put on by an hour
+        monkeypatch.setattr(psutil._pslinux, "boot_time", lambda: boot_s + 3600.0)
+        assert psutil.boot_time() == boot_s + 3600.0
+        with pytest.raises(RigBusyError, match=f"another run has this rig: process {other.pid}"):
+            RigLock(address, "Dev1", end_guards=True).__enter__()

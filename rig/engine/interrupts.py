@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 import signal
-import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from types import FrameType, TracebackType
 from typing import Any, Self
+
+from rig.hardware.telling import say_beside
 
 STOPPED = "stopped by the operator"
 
@@ -117,5 +118,4 @@ class Interrupts:
             self._waiting = False
             raise Interrupted(STOPPED)
         note = "still moving the arm clear" if again or self._shields else "stopping: moving the arm clear"
-        with suppress(OSError):  # after a hangup nobody reads it
-            print(f"\n{note} ...", file=sys.stderr, flush=True)
+        say_beside(f"{note} ...")  # a held terminal would hold up the way clear

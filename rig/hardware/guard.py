@@ -26,6 +26,7 @@ from analysis.recordings.trial import Calibration
 from rig.hardware.errors import GuardError
 from rig.hardware.processes import own_session
 from rig.hardware.sentinel import Sentinel, tell_sentinel
+from rig.hardware.telling import person_fd
 from rig.settings.rig_file import RigFile
 
 _log = logging.getLogger(__name__)
@@ -74,7 +75,8 @@ class Guard:
         hears_fd: int | None = None
         if sys.platform != "win32":
             # where the person looks: the guards write there when the program can't
-            self._tell_fd = os.dup(sys.__stderr__.fileno() if sys.__stderr__ is not None else 2)
+            looks = person_fd()
+            self._tell_fd = os.open(os.devnull, os.O_WRONLY) if looks is None else os.dup(looks)
             hears_fd, self._second_ear = os.pipe()
             os.set_blocking(self._second_ear, False)
             self._sentinel = Sentinel(self._tell_fd)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import _thread
 import contextlib
 import os
 import sys
@@ -20,6 +21,22 @@ def tell_person(fd: int | None, text: str) -> None:
     writing = threading.Thread(target=_write, args=(fd, f"\nindenter: {text}\n"), daemon=True)
     writing.start()
     writing.join(_PATIENCE_S)
+
+
+def person_fd() -> int | None:
+    """Where the person looks: the descriptor of the program's own errors, None where it was started without."""
+    try:
+        fd = 2 if sys.__stderr__ is None else sys.__stderr__.fileno()
+        os.fstat(fd)
+    except (OSError, ValueError):
+        return None
+    return fd
+
+
+def say_beside(text: str) -> None:
+    """Write a line where the person looks and do not wait for it; in the midst of anything, a signal's handler too."""
+    # no thread of the threading module: starting one takes locks that the program may hold just now
+    _thread.start_new_thread(_write, (person_fd(), f"\n{text}\n"))
 
 
 def _write(fd: int | None, line: str) -> None:

@@ -202,6 +202,7 @@ def test_a_run_that_is_told_to_end_clears_the_arm_first(real_bench: Any, number:
         run.signal(number)
         assert run.wait() == 130
         assert real_bench.clear
+        assert "stopping: moving the arm clear" in run.said
     assert read_trial(real_bench.folder / "out" / "index_0.40mm.h5").status == "aborted"
 
 

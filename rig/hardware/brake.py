@@ -45,6 +45,7 @@ class Brake:
         self._limits = rig.lever
         self._calibration = calibration
         self._wired = rig.card.loopback_channel is not None
+        self._usual_noise_v = 0.0
         self._limit_hit = False
         self._retreating = False
         self._fleeing: Playback | None = None
@@ -55,10 +56,14 @@ class Brake:
 
     def prepare(self) -> None:
         """Begin anew with a recording: nothing is looked for, the limits are watched from its start."""
-        self._watch = Watch(self._limits, self._calibration, self._settings.range_v)
+        self._watch = Watch(self._limits, self._calibration, self._settings.range_v, self._usual_noise_v)
         self._seen: Callable[[Chunk], bool] | None = None
         self._halted: Playback | None = None
         self._flee_asked = False
+
+    def expect_noise(self, noise_v: float) -> None:
+        """The force signal of the free arm was seen to have this noise, V rms; recordings begun later hold it to it."""
+        self._usual_noise_v = min(self._usual_noise_v or noise_v, noise_v)
 
     def flee(self) -> None:
         """Have the arm leave for safety at the reader's next samples; from any thread, a signal's handler too."""

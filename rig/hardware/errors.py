@@ -62,7 +62,8 @@ class LimitHit(HardwareError):  # noqa: N818 - an event at the bench, named as t
         what = f"{limit} limit hit: {value:.4g} {unit} where {allowed:.4g} {unit} is allowed"
         todo = "check the finger, then the limits in rig.toml"
         if limit == "force noise":
-            what = f"the force signal went dead: its noise is {value:.2g} {unit}, less than any sensor's"
+            live = f"less than the {allowed:.2g} of a live one"
+            what = f"the force signal went dead: its noise is {value:.2g} {unit}, {live}"
             todo = "check the force output and its wire, then run again"
         super().__init__(f"{what}, at sample {sample}, {position_mm:.3f} mm; the arm is retracting; {todo}")
         self.limit = limit

@@ -252,7 +252,7 @@ class Lever:
 
         Raises ArmNotProvenError where one does not, or where the force is not that of a free arm.
         """
-        probe(self)
+        self._brake.expect_noise(probe(self))
         self._brake.arrived()
 
     def look_for_force(self, force_mn: float | None) -> None:

@@ -23,6 +23,10 @@ _TRAVEL_MARGIN_MM = 0.2
 _NOISE_SAMPLES = 160
 """The noise of the force is judged over so many samples, 20 ms: at 1 mm/s a dead line is known within 20 um."""
 
+_NOISE_KEPT = 0.5
+"""A line that keeps less of the noise that it had in the air has lost more than half of its gain, and with it the
+threshold its sense: what is left at most doubles the force at which the skin is found."""
+
 _LEAD_MM = 0.03
 _LEAD_S = (0.02, 0.03)
 """Of a motion towards something unknown the card holds 30 um, or 20 ms where that is more: 6 mN of skin."""
@@ -112,6 +116,14 @@ class _Streak:
         return None
 
 
+def steady_noise_v(force_v: FloatArray) -> float:
+    """The noise of a force signal (n,), V rms, where it is quietest: a jolt meanwhile adds nothing."""
+    steps_v = np.diff(force_v)
+    n = min(_NOISE_SAMPLES, len(steps_v))
+    parts = steps_v[: len(steps_v) // n * n].reshape(-1, n)
+    return float(np.sqrt((parts**2).mean(axis=1).min() / 2))
+
+
 class _ForceNoise:
     """Tells a force line that has gone dead, or is cut off: every sensor has noise, a broken wire has none.
 
@@ -144,9 +156,14 @@ class _ForceNoise:
 
 
 class Watch:
-    """Checks every block of samples against the limits, in order."""
+    """Checks every block of samples against the limits, in order.
 
-    def __init__(self, limits: LeverSettings, calibration: Calibration, range_v: float) -> None:
+    ``usual_noise_v``: that of the force signal as this run has proven it, V rms; 0 before.
+    """
+
+    def __init__(
+        self, limits: LeverSettings, calibration: Calibration, range_v: float, usual_noise_v: float = 0.0
+    ) -> None:
         self._limits = limits
         self._calibration = calibration
         # the converter's last step at either end
@@ -154,7 +171,9 @@ class Watch:
         self._streaks = {
             name: _Streak() for name in ("force", "travel", "depth", "following error", "saturation")
         }
-        self._force_noise = _ForceNoise(limits.force_noise_min_mn * abs(calibration.volts_per_mn))
+        least_v = limits.force_noise_min_mn * abs(calibration.volts_per_mn)
+        self._least_noise_v = max(least_v, _NOISE_KEPT * usual_noise_v)
+        self._force_noise = _ForceNoise(self._least_noise_v)
         self.ceiling_mn: float | None = None
         """A force above which the motion under way reverses, mN; None: the rig's limit alone."""
         self.surface_mm: float | None = None
@@ -212,6 +231,6 @@ class Watch:
                 sample=start + dead,
                 value=self._force_noise.last_v / abs(c.volts_per_mn),
                 unit="mN rms",
-                allowed=limits.force_noise_min_mn,
+                allowed=self._least_noise_v / abs(c.volts_per_mn),
                 position_mm=float(position_mm[dead]),
             )

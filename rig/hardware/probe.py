@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rig.hardware import proof
+from rig.hardware.limits import steady_noise_v
 from rig.hardware.playback import Chunk, Playback
 from rig.hardware.retreat import straight_mm
 
@@ -16,8 +17,10 @@ if TYPE_CHECKING:
 _READ = 80
 
 
-def probe(lever: Lever) -> None:
+def probe(lever: Lever) -> float:
     """Move the arm by 0.05 mm from the safe position and back, away from the finger where there is room.
+
+    Returns the noise of the free arm's force signal, V rms.
 
     Raises ArmNotProvenError where a signal does not say so, or where the force is not that of a free arm.
     """
@@ -39,6 +42,7 @@ def probe(lever: Lever) -> None:
     way = np.concatenate([_samples(chunk) for chunk in chunks], axis=1)
     during = way[:, at_far_end : at_far_end + len(stay) // 3]
     proof.prove_probe(before, during, far_mm - safe_mm, c, loopback_wired=lever.loopback_wired)
+    return steady_noise_v(before[1])
 
 
 def _begin(playback: Playback) -> int:

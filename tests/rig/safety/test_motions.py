@@ -55,6 +55,30 @@ def test_a_force_line_that_goes_dead_reverses_the_arm(
     assert read_trial(next((bench.folder / "out").glob("*.h5"))).status == "aborted"
 
 
+@pytest.mark.parametrize("state", ["approaching", "holding"])
+def test_a_force_line_that_loses_most_of_its_gain_reverses_the_arm(
+    bench: Any, witness: Any, state: str, asked_mn: float
+) -> None:
+    """It is alive, and still not the line that was proven: the skin would be found far too deep."""
+    seen = witness(state, lambda: bench.fault("wire", line="force", gain=0.3))
+    with pytest.raises(LimitHit, match="the force signal went dead"):
+        bench.run(ONE, witness=seen)
+    assert bench.largest_force_mn() < (BEFORE_CONTACT_MN if state == "approaching" else asked_mn + 15.0)
+    assert bench.clear
+
+
+def test_what_a_force_line_may_lose_of_its_gain_does_not_press_the_finger(
+    bench: Any, witness: Any, asked_mn: float
+) -> None:
+    seen = witness("approaching", lambda: bench.fault("wire", line="force", gain=0.6))
+    bench.run(SURFACE, witness=seen)
+    assert 10.0 < bench.largest_force_mn() < BEFORE_CONTACT_MN
+    bench.fault("mend")
+    seen = witness("approaching", lambda: bench.fault("wire", line="force", gain=0.6))
+    bench.run(ONE, witness=seen, name="pressed")
+    assert bench.largest_force_mn() < asked_mn + 15.0
+
+
 @pytest.mark.parametrize("line", ["position", "loopback"])
 @pytest.mark.parametrize("state", ["approaching", "holding", "retracting"])
 def test_a_line_that_goes_dead_does_not_press_the_finger(

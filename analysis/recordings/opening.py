@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -54,6 +55,12 @@ def _why_not_opened(path: Path, error: BaseException) -> str:
     if "signature not found" in text:
         return f"{path}: is not an HDF5 file: text and .ddf recordings are brought in by `indenter import`"
     return f"{path}: can't be opened as HDF5 ({text}): the file is damaged, copy it again"
+
+
+def reason_of(error: BaseException) -> str:
+    """What went wrong, in the system's own words where it has any: h5py buries them in a page of its own."""
+    number = error.errno if isinstance(error, OSError) else None
+    return os.strerror(number) if number else _one_line(error)
 
 
 def _one_line(error: BaseException) -> str:

@@ -29,11 +29,15 @@ from analysis.recordings.layout import (
     Attribute,
     attributes_of,
 )
+from analysis.recordings.opening import reason_of
 from analysis.recordings.reading import read_trial
+from analysis.recordings.room import ask_for_room
 from analysis.recordings.sealing import seal
 from analysis.recordings.trial import Event, Phase, Surface, Trial
 
 SOFTWARE = "indenter"
+_BESIDE_SAMPLES = 1 << 20
+"""Room for all else that a trial file holds: a hundred attributes, phases, and what HDF5 keeps of its own, bytes."""
 _LEFTOVER_S = 60.0  # no file is half-written for so long by a process that lives
 
 
@@ -54,12 +58,21 @@ def write_trial(path: Path, trial: Trial) -> None:
     """
     path = Path(path)
     check_trial(path, trial)
-    try:
-        with replacing(path) as part, h5py.File(part, "w", libver="earliest") as file:
+    with _told(path), replacing(path) as part:
+        ask_for_room(part, most_bytes(trial))
+        with h5py.File(part, "w", libver="earliest") as file:
             write_contents(file, trial)
+
+
+@contextmanager
+def _told(path: Path) -> Iterator[None]:
+    """Translate what a disk refuses into one line."""
+    try:
+        yield
     except OSError as error:
-        reason = error.strerror or " ".join(str(error).split())
-        raise BadInputError(f"{path}: can't be written ({reason}): check the folder and its space") from error
+        raise BadInputError(
+            f"{path}: can't be written ({reason_of(error)}): check the folder and its space"
+        ) from error
 
 
 def check_trial(path: Path, trial: Trial) -> None:
@@ -90,9 +103,11 @@ def replace_trial(path: Path, trial: Trial) -> None:
     Attributes and groups that the layout does not know stay as they were; nothing of the file is lost.
     """
     path = Path(path)
-    with replacing(path) as part, h5py.File(path, "r") as old, h5py.File(part, "w", libver="earliest") as new:
-        write_contents(new, trial)
-        _take_over(old, new)
+    with replacing(path) as part:
+        ask_for_room(part, most_bytes(trial) + path.stat().st_size)
+        with h5py.File(path, "r") as old, h5py.File(part, "w", libver="earliest") as new:
+            write_contents(new, trial)
+            _take_over(old, new)
 
 
 def _take_over(old: Any, new: Any) -> None:
@@ -113,8 +128,9 @@ def mark_discarded(path: Path, reason: str) -> None:
     if not reason.strip():
         raise BadInputError(f"{path}: discarding a trial needs a reason: say why it is not used")
     read_trial(path)
-    with replacing(Path(path)) as part:
+    with _told(path), replacing(Path(path)) as part:
         shutil.copyfile(path, part)
+        ask_for_room(part, _BESIDE_SAMPLES)
         with h5py.File(part, "r+") as file:
             file.attrs["discarded"] = reason
 
@@ -122,8 +138,9 @@ def mark_discarded(path: Path, reason: str) -> None:
 def take_back_discard(path: Path) -> None:
     """Count a trial again that was marked as discarded; the recording stays as it is."""
     read_trial(path)
-    with replacing(Path(path)) as part:
+    with _told(path), replacing(Path(path)) as part:
         shutil.copyfile(path, part)
+        ask_for_room(part, _BESIDE_SAMPLES)
         with h5py.File(part, "r+") as file:
             file.attrs.pop("discarded", None)
 
@@ -170,6 +187,18 @@ def _move_to_free_name(part: Path, path: Path) -> None:
         if path.exists():
             raise FileExistsError(f"{path} exists") from error
         part.replace(path)
+
+
+def most_bytes(trial: Trial) -> int:
+    """Return how long the file of a trial can become, at most."""
+    channels = [trial.position_v, trial.force_v, trial.command_v, *trial.other_channels.values()]
+    if trial.native is not None:
+        channels += [getattr(trial.native, name) for name in NATIVE_SIGNALS]
+    n_samples = sum(len(values) for values in channels if values is not None)
+    n_text = sum(
+        len(writable(text).encode()) for text in (trial.protocol.toml, *trial.log, trial.status_reason)
+    )
+    return 8 * n_samples + event_rows(trial.events).nbytes + 2 * n_text + _BESIDE_SAMPLES
 
 
 def write_contents(file: Any, trial: Trial) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 
 from analysis.errors import BadInputError
 from analysis.recordings import TrialWriter
+from analysis.recordings.opening import reason_of
 from analysis.recordings.trial import FloatArray
 from rig.engine.errors import DiskSilentError, FilingError
 from rig.hardware.lever import Chunk
@@ -48,7 +49,7 @@ class TrialFile:
 
 def _told(path: Path, failure: Exception) -> str:
     """What happened to a trial that can't be written, and what is kept of it."""
-    reason = (isinstance(failure, OSError) and failure.strerror) or str(failure).removeprefix(f"{path}: ")
+    reason = reason_of(failure) if isinstance(failure, OSError) else str(failure).removeprefix(f"{path}: ")
     if not path.exists():
         return f"{path}: could not be written ({reason})"
     return (

@@ -16,7 +16,7 @@ from analysis.recordings.folders import find_trials
 from analysis.recordings.live.cut_files import bytes_missing, read_cut_file
 from analysis.recordings.live.locking import is_locked
 from analysis.recordings.motion import SMEAR_S, Stretch, moves_and_rests, phases_from_motion
-from analysis.recordings.opening import HDF5_ERRORS
+from analysis.recordings.opening import HDF5_ERRORS, reason_of
 from analysis.recordings.reading import read_trial
 from analysis.recordings.trial import Phase, Trial
 from analysis.recordings.writing import (
@@ -61,8 +61,7 @@ def _rescue(path: Path) -> RescueOutcome:
     except BadInputError as error:
         return RescueOutcome(path, str(error).removeprefix(f"{path}: "), "unreadable")
     except HDF5_ERRORS as error:
-        reason = " ".join(str(error).split())[:200] or type(error).__name__
-        return RescueOutcome(path, f"can't be rescued ({reason}): left as it is", "unreadable")
+        return RescueOutcome(path, f"can't be rescued ({reason_of(error)}): left as it is", "unreadable")
     return _recovered(path, recovered)
 
 

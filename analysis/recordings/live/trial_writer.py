@@ -32,6 +32,8 @@ from analysis.errors import BadInputError
 from analysis.recordings.checks import phases_problem
 from analysis.recordings.layout import RUNNING_SURFACE, SIGNALS
 from analysis.recordings.live.running_file import RunningFile
+from analysis.recordings.opening import reason_of
+from analysis.recordings.room import ask_for_room
 from analysis.recordings.trial import (
     Calibration,
     Event,
@@ -47,6 +49,7 @@ from analysis.recordings.trial import (
 from analysis.recordings.writing import (
     check_attributes,
     event_rows,
+    most_bytes,
     phase_rows,
     replacing,
     surface_row,
@@ -265,8 +268,9 @@ class TrialWriter:
         except FileExistsError as error:
             raise BadInputError(f"{self.path}: exists already: a trial never overwrites another") from error
         except OSError as error:
-            reason = error.strerror or str(error)
-            raise BadInputError(f"{self.path}: can't be made ({reason}): check the folder") from error
+            raise BadInputError(
+                f"{self.path}: can't be made ({reason_of(error)}): check the folder"
+            ) from error
         self._file = RunningFile(self.path, offsets)
 
     def _restructure(self, capacity: int = 0) -> None:
@@ -303,11 +307,16 @@ class TrialWriter:
 
     def _structure(self, part: Path, capacity: int) -> dict[str, int]:
         """Write everything but the samples, and return the offset of each dataset's bytes."""
+        trial = self._trial("running")
+        events = event_rows(
+            [_shortened(event) for event in self.events], self._event_capacity, _MESSAGE_BYTES
+        )
+        room = most_bytes(trial) + events.nbytes + 8 * capacity * len(self._names)
+        ask_for_room(part, room)
         with h5py.File(part, "w", libver="earliest") as file:
-            write_attributes(file, self._trial("running"))
+            write_attributes(file, trial)
             file["phases"] = phase_rows(self.phases, _PHASE_ROWS)
-            events = [_shortened(event) for event in self.events]
-            file["events"] = event_rows(events, self._event_capacity, _MESSAGE_BYTES)
+            file["events"] = events
             file[RUNNING_SURFACE] = surface_row(self.surface)
             for name in self._names:
                 dataset = file["signals"].create_dataset(name, (capacity,), dtype="<f8")

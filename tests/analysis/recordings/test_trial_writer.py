@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from analysis.errors import BadInputError
-from analysis.recordings import TrialWriter, read_trial
+from analysis.recordings import TrialWriter, mark_discarded, read_trial, write_trial
 from analysis.recordings.live.locking import is_locked
 from analysis.recordings.live.rescue import recovered_trial
 from analysis.recordings.trial import Event, Phase, Surface
@@ -294,3 +294,29 @@ def test_every_sample_written_survives_kill_9(tmp_path):
         np.testing.assert_array_equal(trial.force_v, -samples)
         np.testing.assert_array_equal(trial.command_v, 2 * samples)
         assert trial.phases[0].start == 0
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no limit of a file's size there")
+def test_a_disk_that_takes_no_more_is_told_in_its_own_words(tmp_path, a_trial, a_header):
+    """HDF5 is not let near it: after one refusal that library crashes, at the latest when the program ends."""
+    import resource
+
+    path = tmp_path / "t.h5"
+    write_trial(path, a_trial(100))
+    whole = path.read_bytes()
+    before, hardest = resource.getrlimit(resource.RLIMIT_FSIZE)
+    heeded = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (len(whole) + 4096, hardest))
+    try:
+        for write in (
+            lambda: write_trial(path, a_trial(4000)),
+            lambda: mark_discarded(path, "it moved"),
+            lambda: TrialWriter(tmp_path / "new.h5", a_header(), 4000),
+        ):
+            with pytest.raises(BadInputError, match=r"h5: can't be (written|made) \(File too large\): check"):
+                write()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (before, hardest))
+        signal.signal(signal.SIGXFSZ, heeded)
+    assert path.read_bytes() == whole
+    assert [left.name for left in tmp_path.iterdir()] == ["t.h5"]

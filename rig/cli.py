@@ -46,6 +46,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     # the matrices here are small: threads of the linear algebra would only spin beside each other
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ.setdefault("OMP_NUM_THREADS", "1")
+    _stand_in_for_closed()
     try:
         arguments = _parser().parse_args(argv)
         return _COMMANDS[arguments.command](arguments) or EXIT_OK
@@ -59,6 +60,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _failed(EXIT_INTERRUPTED, str(error) or "interrupted")
     except BrokenPipeError:
         return EXIT_RUN_FAILED
+
+
+def _stand_in_for_closed() -> None:
+    """Open something in place of standard streams that this was started without: pipes must not take their numbers."""
+    while (fd := os.open(os.devnull, os.O_RDWR)) <= 2:  # the lowest that is free
+        os.set_inheritable(fd, True)
+    os.close(fd)
 
 
 def _failed(code: int, error: BaseException | str) -> int:

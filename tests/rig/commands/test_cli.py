@@ -108,3 +108,12 @@ def test_help_loads_nothing_heavy() -> None:
 def test_no_window_toolkit_in_a_headless_run() -> None:
     loaded = _loaded("import rig.commands.run, rig.commands.calibrate, rig.commands.watch, rig.commands.demo")
     assert not loaded & {"PySide6", "PyQt5", "PyQt6", "pyqtgraph"}
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="descriptors are handed on by number on POSIX alone")
+def test_a_program_without_standard_streams_runs_all_the_same(tmp_path):
+    """As a service may start it: nothing that it opens may take the place of one of them."""
+    (tmp_path / "one.toml").write_text('kind = "air_sweep"\n')
+    command = f'"{sys.executable}" -m rig.cli run "{tmp_path}/one.toml" --out "{tmp_path}/out" <&- >&- 2>&-'
+    assert subprocess.run(command, shell=True, check=False, timeout=120).returncode == 0
+    assert list((tmp_path / "out").glob("*.h5"))

@@ -69,7 +69,7 @@ def open_bench(rig: RigFile, calibration: Calibration) -> Iterator[Bench]:
             balance = stack.enter_context(Balance(rig.balance, resolve(rig.balance.port)))
         guard = None
         if rig.guard.enabled:
-            held = [lock.fd] + ([companion.stdin_fd] if companion is not None else [])
+            held = [*lock.fds] + ([companion.stdin_fd] if companion is not None else [])
             guard = stack.enter_context(Guard(rig, card_address, calibration, held))
             lock.note(guard.pids)
         lever = stack.enter_context(Lever(rig, card_address, calibration, guard))

@@ -1,15 +1,18 @@
 """One rig, one run: a lock that a run holds from its start to its end, prompts and rests included.
 
 The system frees it when the last process that holds it has ended: the run, or the guards that bring its arm to
-safety. The file says who they are.
+safety. The file says who they are. Where it is removed meanwhile, by whatever tidies up the folder of temporary
+files, a name of the system's that nobody can remove still keeps others out (on Linux, which has such names).
 """
 
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import json
 import os
 import re
+import socket
 import sys
 import tempfile
 import time
@@ -71,6 +74,7 @@ class RigLock:
         self._path = Path(tempfile.gettempdir()) / f"indenter-{name}.lock"
         self._end_guards = end_guards
         self._fd: int | None = None
+        self._held: socket.socket | None = None
         self._guards: tuple[int, ...] = ()
 
     def __enter__(self) -> Self:
@@ -91,8 +95,13 @@ class RigLock:
         self._close()
 
     @property
-    def fd(self) -> int:
-        """The descriptor that holds the lock: whoever inherits it holds the lock as well."""
+    def fds(self) -> tuple[int, ...]:
+        """The descriptors that hold the lock: whoever inherits them holds the lock as well."""
+        if self._held is None:
+            return (self._file(),)
+        return self._file(), self._held.fileno()
+
+    def _file(self) -> int:
         if self._fd is None:
             raise RigError("the rig's lock is not held; take it first")
         return self._fd
@@ -106,9 +115,9 @@ class RigLock:
         mine = asdict(Occupant.this_process()) | {"guards": list(self._guards), "over": over}
         # a file of another user's can be locked, and not written
         with contextlib.suppress(OSError):
-            os.ftruncate(self.fd, 0)
-            os.lseek(self.fd, 0, os.SEEK_SET)
-            os.write(self.fd, json.dumps(mine).encode())
+            os.ftruncate(self._file(), 0)
+            os.lseek(self._file(), 0, os.SEEK_SET)
+            os.write(self._file(), json.dumps(mine).encode())
 
     def _open(self) -> int:
         for flags in (os.O_RDWR, os.O_RDWR | os.O_CREAT, os.O_RDONLY):
@@ -120,6 +129,9 @@ class RigLock:
 
     def _close(self) -> None:
         fd, self._fd = self._fd, None
+        held, self._held = self._held, None
+        if held is not None:
+            held.close()
         if fd is not None:
             os.close(fd)
 
@@ -137,6 +149,11 @@ class RigLock:
                     self._end(other.guards)
                     self._end_guards, deadline_s = False, deadline_s + GUARDS_END_S
                     continue
+                if other is None:
+                    raise RigBusyError(
+                        f"another run has this rig, and {self._path} does not say who: wait for its end, or stop it "
+                        "with Ctrl-C where it runs"
+                    )
                 raise RigBusyError(
                     "a run that is over left its guard behind, which has not let go of the rig: run `indenter safe`"
                 )
@@ -147,15 +164,28 @@ class RigLock:
             import msvcrt
 
             with contextlib.suppress(OSError):
-                msvcrt.locking(self.fd, msvcrt.LK_NBLCK, 1)
+                msvcrt.locking(self._file(), msvcrt.LK_NBLCK, 1)
                 return True
             return False
         import fcntl
 
         try:
-            fcntl.flock(self.fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(self._file(), fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             return False
+        return self._name_taken()
+
+    def _name_taken(self) -> bool:
+        """Take the name that stands for the rig beside its file, where the system has such names."""
+        if sys.platform == "linux":
+            held = socket.socket(socket.AF_UNIX)
+            try:
+                # a digest: such names are short, and those of servers need not be
+                held.bind(b"\0indenter-" + hashlib.sha256(self._path.name.encode()).hexdigest().encode())
+            except OSError:
+                held.close()
+                return False
+            self._held = held
         return True
 
     def _occupant(self) -> Occupant | None:

@@ -25,7 +25,7 @@ address, leaves = sys.argv[1:]
 with RigLock(address, "Dev1") as lock:
     if float(leaves):
         # a guard outlives the run a little, and holds the lock meanwhile
-        subprocess.Popen(["sleep", leaves], pass_fds=(lock.fd,), stdout=subprocess.DEVNULL)
+        subprocess.Popen(["sleep", leaves], pass_fds=lock.fds, stdout=subprocess.DEVNULL)
     else:
         print("held", flush=True)
         sys.stdin.readline()

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from analysis.recordings.folders import find_trials
-    from analysis.recordings.live.trial_writer import TrialHeader, TrialWriter
+    from analysis.recordings.live.header import TrialHeader
+    from analysis.recordings.live.trial_writer import TrialWriter
     from analysis.recordings.reading import read_trial
     from analysis.recordings.writing import mark_discarded, write_trial
 
@@ -18,7 +19,7 @@ __all__ = ["TrialHeader", "TrialWriter", "find_trials", "mark_discarded", "read_
 _HOMES = {
     "find_trials": "folders",
     "read_trial": "reading",
-    "TrialHeader": "live.trial_writer",
+    "TrialHeader": "live.header",
     "TrialWriter": "live.trial_writer",
     "mark_discarded": "writing",
     "write_trial": "writing",

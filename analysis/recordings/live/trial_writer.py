@@ -18,30 +18,29 @@ import tempfile
 import threading
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
-from datetime import datetime
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
-from uuid import uuid4
 
-import h5py
 import numpy as np
 from numpy.typing import ArrayLike
 
 from analysis.errors import BadInputError
 from analysis.recordings.checks import phases_problem
 from analysis.recordings.layout import RUNNING_SURFACE, SIGNALS
+from analysis.recordings.live.header import TrialHeader
 from analysis.recordings.live.running_file import RunningFile
+from analysis.recordings.live.structure import (
+    EVENT_ROWS,
+    MESSAGE_BYTES,
+    PHASE_ROWS,
+    make_structure,
+    shortened,
+)
 from analysis.recordings.opening import reason_of
-from analysis.recordings.room import ask_for_room
 from analysis.recordings.trial import (
-    Calibration,
     Event,
-    Kind,
     Phase,
-    ProtocolSummary,
-    Source,
-    Specimen,
     Status,
     Surface,
     Trial,
@@ -49,40 +48,13 @@ from analysis.recordings.trial import (
 from analysis.recordings.writing import (
     check_attributes,
     event_rows,
-    most_bytes,
     phase_rows,
     replacing,
     surface_row,
-    writable,
-    write_attributes,
     write_trial,
 )
 
-_PHASE_ROWS = 32
-_EVENT_ROWS = 512
-_MESSAGE_BYTES = 240
 _COPY_SAMPLES = 1 << 20
-
-
-def _now() -> str:
-    return datetime.now().astimezone().isoformat()
-
-
-@dataclass(frozen=True, slots=True)
-class TrialHeader:
-    """What is known of a trial before its first sample."""
-
-    kind: Kind
-    source: Source
-    sample_rate_hz: float
-    calibration: Calibration
-    protocol: ProtocolSummary = field(default_factory=ProtocolSummary)
-    specimen: Specimen = field(default_factory=Specimen)
-    log: tuple[str, ...] = ()
-    trial_id: str = field(default_factory=lambda: str(uuid4()))
-    started: str = field(default_factory=_now)
-    software: str = ""
-    software_version: str = ""
 
 
 class TrialWriter:
@@ -115,7 +87,7 @@ class TrialWriter:
         self._names = SIGNALS if commanded else SIGNALS[:2]
         self._capacity = max(1, int(max_samples))
         self._grow = grow
-        self._event_capacity = _EVENT_ROWS
+        self._event_capacity = EVENT_ROWS
         self._file: RunningFile | None = None
         # who takes both takes the first one first
         self._shaping = threading.RLock()
@@ -155,11 +127,11 @@ class TrialWriter:
     def set_phases(self, phases: Sequence[Phase]) -> None:
         """Replace the phases known so far; they may reach beyond the samples written so far."""
         problem = phases_problem(phases, np.iinfo(np.int64).max)
-        if problem or len(phases) > _PHASE_ROWS:
-            raise ValueError(f"phases: {problem or f'more than {_PHASE_ROWS}'}")
+        if problem or len(phases) > PHASE_ROWS:
+            raise ValueError(f"phases: {problem or f'more than {PHASE_ROWS}'}")
         with self._shaping:
             self.phases = tuple(phases)
-            self._running().write("phases", phase_rows(self.phases, _PHASE_ROWS))
+            self._running().write("phases", phase_rows(self.phases, PHASE_ROWS))
 
     def add_event(self, event: Event) -> None:
         """Add an event; while the trial runs its message is kept to 240 bytes, in full once finished."""
@@ -168,7 +140,7 @@ class TrialWriter:
             if len(self.events) > self._event_capacity:
                 self._event_capacity *= 2
                 self._restructure()
-            row = event_rows([_shortened(event)], message_width=_MESSAGE_BYTES)
+            row = event_rows([shortened(event)], message_width=MESSAGE_BYTES)
             self._running().write("events", row, len(self.events) - 1)
 
     def set_surface(self, surface: Surface) -> None:
@@ -306,28 +278,7 @@ class TrialWriter:
         return end
 
     def _structure(self, part: Path, capacity: int) -> dict[str, int]:
-        """Write everything but the samples, and return the offset of each dataset's bytes."""
-        trial = self._trial("running")
-        events = event_rows(
-            [_shortened(event) for event in self.events], self._event_capacity, _MESSAGE_BYTES
-        )
-        room = most_bytes(trial) + events.nbytes + 8 * capacity * len(self._names)
-        ask_for_room(part, room)
-        with h5py.File(part, "w", libver="earliest") as file:
-            write_attributes(file, trial)
-            file["phases"] = phase_rows(self.phases, _PHASE_ROWS)
-            file["events"] = events
-            file[RUNNING_SURFACE] = surface_row(self.surface)
-            for name in self._names:
-                dataset = file["signals"].create_dataset(name, (capacity,), dtype="<f8")
-                for start in range(0, capacity, _COPY_SAMPLES):
-                    stop = min(start + _COPY_SAMPLES, capacity)
-                    dataset[start:stop] = np.full(stop - start, np.nan)
-            file.flush()
-            datasets = {name: file["signals"][name] for name in self._names}
-            datasets[RUNNING_SURFACE] = file[RUNNING_SURFACE]
-            datasets |= {"phases": file["phases"], "events": file["events"]}
-            return {name: int(dataset.id.get_offset()) for name, dataset in datasets.items()}
+        return make_structure(part, self._trial("running"), self._names, capacity, self._event_capacity)
 
     def _running(self) -> RunningFile:
         if self._file is None:
@@ -338,12 +289,6 @@ class TrialWriter:
         if self._file is not None:
             self._file.close()
             self._file = None
-
-
-def _shortened(event: Event) -> Event:
-    """Cut the event's texts to the width of the running file's table, between whole characters."""
-    kind, message = writable(event.kind).encode()[:32], writable(event.message).encode()[:_MESSAGE_BYTES]
-    return Event(event.sample, kind.decode(errors="ignore"), message.decode(errors="ignore"))
 
 
 def _cut(phases: Sequence[Phase], n_samples: int) -> tuple[Phase, ...]:

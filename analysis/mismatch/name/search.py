@@ -82,11 +82,14 @@ def considered(account: Account, explained: float = 0.0) -> tuple[Rival, ...]:
 
     Each is weighed with the noise that itself leaves: an effect that was taken for noise would hide itself.
     """
+    least = CLOSE * left_over(explained)
+    options = worth_trying(law_options(account), least)
+    # what was taken for slow noise is found where none is granted; most of all what comes in each trial anew
     quick = account.quick()
-    # what comes in each trial anew looks most like slow noise: its times are found where none is granted
-    options = worth_trying(quick, own_options(quick), left_over(explained))
     if quick is not account:
-        options += worth_trying(account, [], left_over(explained))
+        found_already = {o.name for o in options}
+        options += [o for o in worth_trying(law_options(quick), least) if o.name not in found_already]
+    options += worth_trying(own_options(quick), least)
     found: dict[str, Rival] = {}
     for option in options:
         refitted = option.refit().reweighed()
@@ -103,11 +106,10 @@ def left_over(explained: float, inexact: float = INEXACT) -> float:
     return max(INEXACT, inexact) ** 2 * explained
 
 
-def worth_trying(account: Account, own: list[Option], least: float) -> list[Option]:
-    """Return the few effects, laws and ``own``, with most linear evidence by an account's noise, and near enough."""
-    options = sorted([*law_options(account), *own], key=lambda o: -o.nats)
-    near = [o for o in options if o.nats > max(0.5 * o.enough, CLOSE * least, CLOSE * options[0].nats)]
-    return near[:REFITTED]
+def worth_trying(options: list[Option], least: float) -> list[Option]:
+    """Return the few effects with most linear evidence that have enough of it, half of which the line may miss."""
+    best = sorted(options, key=lambda o: -o.nats)
+    return [o for o in best if o.nats > max(0.5 * o.enough, least, CLOSE * best[0].nats)][:REFITTED]
 
 
 def pruned(account: Account, newest: str) -> Account:

@@ -29,7 +29,7 @@ from analysis.mismatch.name.oscillations import OscillationScan, scan_oscillatio
 NAMELESS = "oscillation"
 """An oscillation in no band of the library."""
 TIMES_LOOKED_AT = 70
-FIRST_ROUNDS = 5
+FIRST_ROUNDS = 3
 
 
 @dataclass(frozen=True)

@@ -99,7 +99,7 @@ def _misfit(
 ) -> tuple[float, FloatArray]:
     """Return -ln likelihood of counts under a t with a rarer normal part at its best, and the parameters (4,) there.
 
-    They are the t's degrees of freedom and scale, the share and the deviation of the rarer part, the last between ``sd``.
+    They are the t's degrees of freedom and scale, and the rarer part's share and its deviation, between ``sd``.
     """
 
     def misfit(x: FloatArray) -> float:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
-from scipy.optimize import minimize
+from scipy.optimize import Bounds, minimize
 from scipy.stats import norm, t
 
 from analysis.mismatch.fit.study_fit import StudyFit
@@ -111,7 +111,7 @@ def _misfit(
     found = minimize(
         misfit,
         np.clip(np.log(start), bounds[:, 0], bounds[:, 1]),
-        bounds=bounds,
+        bounds=Bounds(bounds[:, 0], bounds[:, 1]),
         method="Nelder-Mead",
         options={"maxiter": 600, "xatol": 1e-3, "fatol": 0.05, "adaptive": True},
     )

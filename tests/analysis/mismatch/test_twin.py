@@ -41,7 +41,8 @@ def test_twin_is_a_rig_file_whose_bench_accepts_its_settings(
 @pytest.mark.parametrize("name", sorted(set(library()) - {STEP_ONLY}))
 def test_the_bench_takes_every_mechanism_of_the_library(name: str) -> None:
     mechanism = library()[name]
-    typical = {**mechanism.null, **mechanism.typical, **mechanism.probe_settings(80.0, 0.8)[0]}
+    probes = mechanism.probe_settings(80.0, 0.8) or ({},)
+    typical = {**mechanism.null, **mechanism.typical, **probes[0]}
     named = {p.name: typical[p.name] for p in mechanism.parameters if p.name in typical and not p.inner}
     effect = EffectSettings.model_validate(bench_effect(name, named, 0.8))
     assert effect.name == name

@@ -179,24 +179,15 @@ def law_effects(fit: StudyFit, j: int) -> list[FloatArray]:
     return found
 
 
-def beyond_tissue(fit: StudyFit, j: int, force_mn: FloatArray) -> FloatArray:
-    """Return what is left (n,) of a change of the j-th trial's force once tissue, contact and offset have followed."""
-    follow = list(fit.own[j].tissue_and_free)
-    taken = np.linalg.lstsq(fit.own[j].columns[:, follow], fit.whiteners[j](force_mn), rcond=None)[0]
-    return np.asarray(force_mn - fit.force_columns[j].columns_mn[:, 1:][:, follow] @ taken)
-
-
 def inexact_columns(fit: StudyFit) -> list[FloatArray]:
     """Return, by trial, each law's effect times smooth functions over every phase (n, D); coefficients about 0.1.
 
-    What a law that is right to a tenth leaves over is expected there, and no evidence for another. It is a tenth of
-    what a tissue does not take up: of the rest the recordings say nothing.
+    What a law that is right to a tenth leaves over is expected there, and no evidence for another.
     """
     found = []
     for j, trial in enumerate(fit.trials):
         columns = []
-        for whole in law_effects(fit, j):
-            effect = beyond_tissue(fit, j, whole)
+        for effect in law_effects(fit, j):
             largest = float(np.abs(effect).max())
             for code in range(len(PHASE_NAMES)):
                 inside = trial.phase == code

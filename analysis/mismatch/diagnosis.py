@@ -12,8 +12,7 @@ from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.locate.absorbed import Absorbed, find_absorbed
 from analysis.mismatch.locate.located import Located, locate, where_bursts
 from analysis.mismatch.locate.position_channel import PositionFinding, look_at_position
-from analysis.mismatch.locate.remainder import Remainder, remainder_of
-from analysis.mismatch.locate.transients import find_bursts
+from analysis.mismatch.locate.remainder import Remainder, find_transients, remainder_of
 from analysis.mismatch.name.finding import Finding, findings
 from analysis.mismatch.name.lines import Line, find_lines, without_lines
 from analysis.mismatch.name.ramp import undo_step
@@ -66,7 +65,10 @@ def diagnose(intake: Intake, *, baseline: str = "ramp", seed: int = 0) -> Diagno
         named=named,
         findings=found,
         lines=lines,
-        located=(*locate(before.fit, rng, all_of_them=bool(found)), *where_bursts(find_bursts(nothing.fit))),
+        located=(
+            *locate(before.fit, rng, all_of_them=bool(found)),
+            *where_bursts(find_transients(nothing.fit)),
+        ),
         left=(*locate(named.account.fit, rng), *where_bursts(remainder.bursts)),
         remainder=remainder,
         absorbed=find_absorbed(named.account.fit),

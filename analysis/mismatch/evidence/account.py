@@ -8,10 +8,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.mismatch.evidence.heldout import FEWEST_HELD_OUT, heldout_deviance
+from analysis.mismatch.evidence.heldout import FEWEST_HELD_OUT, predictive_deviance
 from analysis.mismatch.fit.baseline import reweighed
 from analysis.mismatch.fit.gram import Grams, gram
-from analysis.mismatch.fit.law_fit import fit_laws, law_columns, law_prior
+from analysis.mismatch.fit.law_fit import fit_laws, known_beforehand, law_columns
 from analysis.mismatch.fit.noise import NoiseModel
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import INEXACT, ROUGH
@@ -57,7 +57,7 @@ class Account:
         """By trial the columns (n, K) of `grams` in mN, the laws' parameters first, and their precision (K,)."""
         fit = self.fit
         parts = [[law_columns(t, s, fit.shared)] for t, s in zip(fit.trials, fit.states, strict=True)]
-        precision = law_prior(fit.shared.laws)[0]
+        precision = known_beforehand(fit.shared)
         if self.inexact:
             for part, left in zip(parts, inexact_columns(fit), strict=True):
                 part.append(left)
@@ -70,7 +70,7 @@ class Account:
         fit = self.fit
         determinants = np.array([p.log_determinant for p in fit.projectors])
         determinants += np.array([w.log_determinant for w in fit.whiteners])
-        deviance = heldout_deviance(self.grams, range(self.grams.n_added))
+        deviance = predictive_deviance(self.grams, range(self.grams.n_added))
         return np.asarray(-0.5 * (deviance + determinants) - self.cost / len(deviance))
 
     def gain_over(self, other: Account) -> tuple[float, float]:
@@ -193,7 +193,9 @@ def inexact_columns(fit: StudyFit) -> list[FloatArray]:
                 inside = trial.phase == code
                 t = trial.time_s[inside]
                 since = t - t[0] if len(t) else t
-                u = 2.0 * since / max(float(since[-1]), 1e-12) - 1.0 if len(t) else t
+                # over what the law does there, not over time: it may act in a moment of the phase
+                done = np.cumsum(np.abs(effect[inside]) * trial.counts[inside])
+                u = 2.0 * done / max(float(done[-1]), 1e-300) - 1.0 if len(t) else t
                 shows = len(t) > 1 and float(np.abs(effect[inside]).max()) > NEGLIGIBLE * largest
                 for shape in (np.ones_like(u), u, 1.5 * u**2 - 0.5, *(np.exp(-since / s) for s in SETTLES_S)):
                     column = np.zeros_like(effect)

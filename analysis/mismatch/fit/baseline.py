@@ -52,7 +52,7 @@ def fit_baseline(trials: Sequence[CellTrial], *, ideal_step: bool = False) -> St
     )
     for _ in range(NOISE_ROUNDS):
         fit = fit.with_population()
-        fit = with_slow_noise(fit.weighed_by(noise_of(fit)))
+        fit = with_slow_noise(fit.weighed_by(noise_of(fit)), fit.noise)
     return fit.with_population()
 
 
@@ -105,4 +105,4 @@ def noise_of(fit: StudyFit) -> NoiseModel:
 
 def reweighed(fit: StudyFit) -> StudyFit:
     """Return a fit with noise and population estimated anew."""
-    return with_slow_noise(fit.weighed_by(noise_of(fit))).with_population(1)
+    return with_slow_noise(fit.weighed_by(noise_of(fit)), fit.noise).with_population(1)

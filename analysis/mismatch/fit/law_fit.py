@@ -24,6 +24,8 @@ DONE = 0.3
 LARGEST_LOG_STEP = 0.7
 INNER_LOG = 1.5
 """An inner parameter on a logarithm is known to so much before a fit, from the textbook's value."""
+SIZE_LOG = 3.0
+"""And a size on a logarithm to so much."""
 INNER_SHARE = 0.3
 """A linear inner parameter is known to this share of its range."""
 
@@ -90,10 +92,24 @@ def law_prior(laws: Sequence[Law]) -> tuple[FloatArray, FloatArray]:
             if p.inner:
                 spread = INNER_LOG if p.scale == "log" else INNER_SHARE * (p.upper - p.lower)
             elif p.scale == "log" and p.name != law.mechanism.amplitude:
-                middle, spread = p.to_fit(law.values[p.name]), 3.0
+                middle, spread = p.to_fit(law.values[p.name]), SIZE_LOG
             precision.append(1.0 / spread**2)
             centre.append(middle)
     return np.array([*precision, DELAY_SAMPLES**-2]), np.array([*centre, 0.0])
+
+
+def known_beforehand(shared: Shared) -> FloatArray:
+    """Return the precision (P,) with which free parameters are known before any trial is weighed by them.
+
+    A size is known to about itself: what trials leave open of it makes their prediction wide, not wild.
+    """
+    precision = law_prior(shared.laws)[0]
+    parameters = [(law, p) for law in shared.laws for p in law.parameters]
+    for k, (law, p) in enumerate(parameters):
+        if not precision[k]:
+            away = p.to_fit(law.values[p.name]) - p.to_fit(law.mechanism.null[p.name])
+            precision[k] = SIZE_LOG**-2 if p.scale == "log" else max(away**2, 1e-24) ** -1
+    return precision
 
 
 def fit_laws(fit: StudyFit, rounds: int = ROUNDS) -> StudyFit:

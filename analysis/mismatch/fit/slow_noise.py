@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
@@ -22,14 +22,18 @@ SMALLEST, LARGEST, FACTOR = 0.03, 60.0, 2.0
 NOTHING_GAINED = 1.0
 
 
+def change_in_a_second(parts: Iterable[tuple[float, float]]) -> float:
+    """Return how much Ornstein-Uhlenbeck parts (variance mN^2, time s) change in a second, rms mN."""
+    return float(np.sqrt(sum(-2.0 * variance * np.expm1(-1.0 / time_s) for variance, time_s in parts)))
+
+
 def power_law(fast: NoiseModel, change_mn: float, exponent: float, longest_s: float) -> NoiseModel:
     """Return the noise with slow parts of a power law that change by ``change_mn`` rms in a second."""
     times_s = [FASTEST_SLOW_S]
     while times_s[-1] < longest_s:
         times_s.append(times_s[-1] * LADDER)
     shares = np.array(times_s) ** exponent
-    changes = float(2.0 * np.sum(shares * -np.expm1(-1.0 / np.array(times_s))))
-    variances = change_mn**2 / changes * shares
+    variances = (change_mn / change_in_a_second(zip(shares, times_s, strict=True))) ** 2 * shares
     return NoiseModel(
         fast.white_mn, (*fast.parts, *((float(v), t) for v, t in zip(variances, times_s, strict=True)))
     )
@@ -54,39 +58,50 @@ def restricted_deviance(fit: StudyFit, noise: NoiseModel) -> float:
     return deviance - float(b @ np.linalg.lstsq(A, b, rcond=None)[0])
 
 
-def with_slow_noise(fit: StudyFit) -> StudyFit:
+def with_slow_noise(fit: StudyFit, near: NoiseModel | None = None) -> StudyFit:
     """Return the fit with as much slow noise, of one power law, as the trials themselves make most likely.
 
+    It is looked for about that of the noise ``near``, or from none upwards.
     A wander slower than a hold can't be seen in a residual from which a tissue was fitted.
     """
     if len(fit.trials) < FEWEST:
         return fit
     fast = fit.noise
     best, smallest = fast, restricted_deviance(fit, fast) - NOTHING_GAINED
+    slow = [part for part in near.parts if part[1] >= FASTEST_SLOW_S] if near else []
+    start_mn = max(change_in_a_second(slow), SMALLEST * fast.white_mn)
     for exponent in EXPONENTS:
-        for noise, deviance in _descent(fit, fast, exponent):
+        for noise, deviance in _descent(fit, fast, exponent, start_mn):
             if deviance < smallest:
                 best, smallest = noise, deviance
     return fit.weighed_by(best)
 
 
-def _descent(fit: StudyFit, fast: NoiseModel, exponent: float) -> Iterator[tuple[NoiseModel, float]]:
-    """Yield noises of one exponent with their deviances: a coarse ascent of sizes, then the vertex about the best."""
+def _descent(
+    fit: StudyFit, fast: NoiseModel, exponent: float, start_mn: float
+) -> Iterator[tuple[NoiseModel, float]]:
+    """Yield noises of one exponent with their deviances: coarse steps from a size downhill, then the vertex."""
     longest_s = max(float(t.time_s[-1] - t.time_s[0]) for t in fit.trials)
+    tried: dict[int, tuple[NoiseModel, float]] = {}
 
-    def at(log_change: float) -> tuple[NoiseModel, float]:
-        noise = power_law(fast, float(np.exp(log_change)), exponent, longest_s)
+    def size_mn(at: float) -> float:
+        return float(start_mn * FACTOR**at)
+
+    def weighed(at: float) -> tuple[NoiseModel, float]:
+        noise = power_law(fast, size_mn(at), exponent, longest_s)
         return noise, restricted_deviance(fit, noise)
 
-    sizes = np.arange(np.log(SMALLEST), np.log(LARGEST), np.log(FACTOR)) + np.log(fast.white_mn)
-    tried: list[float] = []
-    for size in sizes:
-        noise, deviance = at(float(size))
-        yield noise, deviance
-        tried.append(deviance)
-        if len(tried) > 1 and deviance > tried[-2]:
-            break
-    k = int(np.argmin(tried))
-    if 0 < k < len(tried) - 1:
-        bend = tried[k - 1] - 2.0 * tried[k] + tried[k + 1]
-        yield at(float(sizes[k] + 0.5 * np.log(FACTOR) * (tried[k - 1] - tried[k + 1]) / max(bend, 1e-12)))
+    def deviance(at: int) -> float:
+        if not SMALLEST * 0.99 <= size_mn(at) / fast.white_mn <= LARGEST:
+            return np.inf
+        if at not in tried:
+            tried[at] = weighed(at)
+        return tried[at][1]
+
+    best, way = 0, 1 if deviance(1) < deviance(0) else -1
+    while deviance(best + way) < deviance(best):
+        best += way
+    yield from tried.values()
+    below, middle, above = deviance(best - 1), deviance(best), deviance(best + 1)
+    if np.isfinite(below + above):
+        yield weighed(best + 0.5 * (below - above) / max(below - 2.0 * middle + above, 1e-12))

@@ -10,6 +10,7 @@ from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.noise import NoiseModel
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import ENOUGH_UNKNOWN, INEXACT
+from analysis.mismatch.locate.outliers import find_outliers
 from analysis.mismatch.locate.quiet import out_of_contact
 from analysis.mismatch.locate.transients import NO_BURSTS, Bursts, find_bursts
 from analysis.mismatch.locate.windows import CommonShape, common_shape, own_evidence
@@ -57,11 +58,16 @@ def remainder_of(account: Account, nothing: Account) -> Remainder:
         # the shape is looked for where no slow noise is granted; what is left without it is the noise beside it
         beside = replace(account, fit=_without(account, _shape(quick)))
         best = max(best, _common(account, beside.reweighed().fit.noise, nothing), key=lambda r: r.evidence)
-    bursts = find_bursts(account.fit)
+    bursts = find_transients(account.fit)
     if bursts.evidence > best.evidence:
         explained = max(account.gain_over(nothing)[0], 0.0)
         best = replace(best, share=bursts.evidence / (bursts.evidence + explained))
     return replace(best, bursts=bursts)
+
+
+def find_transients(fit: StudyFit) -> Bursts:
+    """Return what there is more evidence for: bursts of milliseconds, or single samples."""
+    return max(find_bursts(fit), find_outliers(fit), key=lambda b: b.evidence)
 
 
 def _shape(account: Account) -> CommonShape:

@@ -11,7 +11,7 @@ from scipy.special import logsumexp
 
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.recordings.trial import PHASE_NAMES
-from analysis.simulation.cells import MOVING_MM_S
+from analysis.simulation.cells import MOVING_MM_S, CellTrial
 
 FloatArray = NDArray[np.float64]
 
@@ -59,14 +59,15 @@ def find_bursts(fit: StudyFit) -> Bursts:
     if not z.size:
         return NO_BURSTS
     row, column = divmod(int(np.abs(z).argmax()), z.shape[1])
-    trial, at_s = fit.trials[j], float(times[column])
+    at_s = float(times[column])
+    size_mn = sigma * tops[j] / float(np.sqrt(WIDTHS[row]))
+    return Bursts(best - PRICE, phase_at(fit.trials[j], at_s), at_s, size_mn)
+
+
+def phase_at(trial: CellTrial, at_s: float) -> str:
+    """Return the name of a trial's phase at a time, or nothing between phases."""
     code = int(trial.phase[min(int(np.searchsorted(trial.time_s, at_s)), len(trial.phase) - 1)])
-    return Bursts(
-        best - PRICE,
-        PHASE_NAMES[code] if code >= 0 else "",
-        at_s,
-        sigma * tops[j] / float(np.sqrt(WIDTHS[row])),
-    )
+    return PHASE_NAMES[code] if code >= 0 else ""
 
 
 def _scores(fit: StudyFit, j: int) -> tuple[FloatArray, FloatArray, float]:
@@ -82,7 +83,7 @@ def _scores(fit: StudyFit, j: int) -> tuple[FloatArray, FloatArray, float]:
     sigma = 1.4826 * float(np.median(np.abs(residual - level)))
     white = np.clip((residual - level) / max(sigma, 1e-12), -CLIPPED, CLIPPED)
     total = np.concatenate([[0.0], np.cumsum(white)])
-    kept = _at_rest(fit, j)
+    kept = at_rest(fit, j)
     kept[:level_n] = kept[-level_n:] = False  # there the level is guessed
     rows = []
     for width in WIDTHS:
@@ -95,7 +96,7 @@ def _scores(fit: StudyFit, j: int) -> tuple[FloatArray, FloatArray, float]:
     return np.array(rows)[:, kept], times[kept], sigma
 
 
-def _at_rest(fit: StudyFit, j: int) -> NDArray[np.bool_]:
+def at_rest(fit: StudyFit, j: int) -> NDArray[np.bool_]:
     """Return which samples (N,) are away from motion and from named steps."""
     trial, state = fit.trials[j], fit.states[j]
     n = len(trial.full_force_mn)

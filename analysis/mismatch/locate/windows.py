@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from analysis.mismatch.evidence.heldout import heldout_deviance
+from analysis.mismatch.evidence.heldout import predictive_deviance
 from analysis.mismatch.fit.gram import gram, solve
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.model.effects import TISSUE_SIZE
@@ -97,11 +97,11 @@ def common_shape(fit: StudyFit, present: Sequence[FloatArray], precision: FloatA
     total = norm.total()
     of_windows = np.diag(total)[TISSUE_SIZE + P : TISSUE_SIZE + P + W]
     typical = float(np.median(of_windows[of_windows > 0]))
-    before = heldout_deviance(norm, range(P))
+    before = predictive_deviance(norm, range(P))
     best, heights = -np.inf, np.zeros(W)
     for size in SIZES:
         ridge = np.concatenate([np.zeros(TISSUE_SIZE), precision, np.full(W, typical / size), [0.0]])
-        gain = 0.5 * float((before - heldout_deviance(replace(norm, ridge=ridge), range(P + W))).sum())
+        gain = 0.5 * float((before - predictive_deviance(replace(norm, ridge=ridge), range(P + W))).sum())
         if gain > best:
             best, heights = gain, solve(total, ridge, range(TISSUE_SIZE + P + W))[0][-W:]
     return CommonShape(best, tuple(s @ heights for s in shapes))

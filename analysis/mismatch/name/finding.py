@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.mismatch.evidence.account import Account
+from analysis.mismatch.evidence.account import Account, law_effects
 from analysis.mismatch.fit.gram import solve
 from analysis.mismatch.fit.law_fit import law_prior, vector
 from analysis.mismatch.levels import INEXACT, STRETCHED, TEMPER, TWO_ERRORS, WORTH_NAMING
@@ -19,6 +19,8 @@ from analysis.simulation.mechanism import Mechanism, library
 
 FloatArray = NDArray[np.float64]
 
+SIZE_INEXACT = INEXACT / np.sqrt(3.0)
+"""Standard deviation of what is anywhere within a tenth: so much a law's effect may be off, in all trials alike."""
 LOOKED_AT = 60
 """Laws at their settings, events and bands that an adjusted p-value counts."""
 
@@ -152,17 +154,21 @@ def law_sizes(account: Account, law: Law) -> dict[str, Quantity]:
             break
         at += len(other.parameters)
     errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    effect = _rms([law_effects(fit, j)[fit.shared.laws.index(law)] for j in range(len(fit.trials))])
     found = {}
     for k, p in enumerate(law.parameters):
         value = law.values[p.name]
-        # a law that is right to a tenth has a size that is known to no better, in every trial anew
-        inexact = (
-            INEXACT * abs(value) / np.sqrt(len(fit.trials)) if p.name == law.mechanism.amplitude else 0.0
-        )
-        error = float(np.hypot(abs(p.derivative(value)) * errors[at + k], inexact))
+        # what moves the effect by as much as the law may be off
+        moved = _rms([c[:, at - TISSUE_SIZE + k] for c in account.columns[0]])
+        inexact = SIZE_INEXACT * effect / max(moved, 1e-300) if p.name == law.mechanism.amplitude else 0.0
+        error = abs(p.derivative(value)) * float(np.hypot(errors[at + k], inexact))
         if not p.inner:
             found[p.name] = Quantity(value, error, p.unit)
     return whole_law(law, found, fit.trials[0].study_depth_mm)
+
+
+def _rms(of_trials: Sequence[FloatArray]) -> float:
+    return float(np.sqrt(np.mean(np.square(np.concatenate(of_trials)))))
 
 
 def whole_law(law: Law, found: dict[str, Quantity], depth_mm: float) -> dict[str, Quantity]:
@@ -206,11 +212,12 @@ def own_sizes(account: Account, mechanism: Mechanism) -> dict[str, Quantity]:
     n = len(values)
     sign = float(np.sign(values[0])) if bool(np.all(values * values[0] > 0)) else 1.0
     spread = float(np.std(values if sign < 0 else np.abs(values), ddof=1) / np.sqrt(n)) if n > 1 else 0.0
-    error = float(np.hypot(spread, unit * np.sqrt(np.mean(np.square(errors)) / n)))
     if mechanism.form == "oscillation":
         value = float(np.sqrt(max(float(np.mean(np.sign(values) * values**2)), 0.0)))
     else:
         value = sign * float(np.mean(np.abs(values)))
+    fitted = unit * float(np.sqrt(np.mean(np.square(errors)) / n))
+    error = float(np.sqrt(spread**2 + fitted**2 + (SIZE_INEXACT * value) ** 2))
     where = mechanism.parameters[1]
     scatter = float(np.std(places, ddof=1)) if n > 1 else 0.0
     grid = 0.02 * float(np.median(places)) if mechanism.form == "oscillation" else 1e-3

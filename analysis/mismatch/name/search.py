@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis.mismatch.evidence.account import Account
-from analysis.mismatch.evidence.heldout import heldout_deviance
+from analysis.mismatch.evidence.heldout import predictive_deviance
 from analysis.mismatch.fit.gram import gram, solve
 from analysis.mismatch.fit.law_fit import fit_laws
 from analysis.mismatch.fit.settled import settled_columns
@@ -29,7 +29,7 @@ from analysis.mismatch.name.oscillations import OscillationScan, scan_oscillatio
 NAMELESS = "oscillation"
 """An oscillation in no band of the library."""
 TIMES_LOOKED_AT = 70
-FIRST_ROUNDS = 5
+FIRST_ROUNDS = 3
 
 
 @dataclass(frozen=True)
@@ -65,8 +65,7 @@ def search(account: Account) -> Named:
     rivals: dict[str, tuple[Rival, ...]] = {}
     start = account
     while len(account.names) < MOST_EFFECTS:
-        # what is right to a tenth leaves a hundredth of what it explains
-        step = considered(account, INEXACT**2 * account.gain_over(start)[0])
+        step = considered(account, account.gain_over(start)[0])
         if not step:
             break
         best = step[0]
@@ -75,33 +74,42 @@ def search(account: Account) -> Named:
     return Named(account, {name: rivals[name] for name in account.names})
 
 
-def considered(account: Account, left_over: float = 0.0) -> tuple[Rival, ...]:
+def considered(account: Account, explained: float = 0.0) -> tuple[Rival, ...]:
     """Return the effects worth adding, refitted, best first; none where the best has not enough evidence.
 
-    ``left_over`` is the evidence that present laws may leave by being inexact, which names no other.
+    Present laws have ``explained`` so many nats. Right to a tenth they leave a hundredth of that, right to a third
+    a tenth, and what they leave names no other; a law with which they are right was missing.
 
     Each is weighed with the noise that itself leaves: an effect that was taken for noise would hide itself.
     """
+    least = CLOSE * left_over(explained)
+    options = worth_trying(law_options(account), least)
+    # what was taken for slow noise is found where none is granted; most of all what comes in each trial anew
     quick = account.quick()
-    # what comes in each trial anew looks most like slow noise: its times are found where none is granted
-    options = worth_trying(quick, own_options(quick))
     if quick is not account:
-        options += worth_trying(account, [])
+        found_already = {o.name for o in options}
+        options += [o for o in worth_trying(law_options(quick), least) if o.name not in found_already]
+    options += worth_trying(own_options(quick), least)
     found: dict[str, Rival] = {}
     for option in options:
         refitted = option.refit().reweighed()
         gain, error = refitted.gain_over(account)
         # a gain below its error is one trial's, at the cost of others
-        if gain >= max(option.enough, error, left_over):
+        if gain >= max(option.enough, error, left_over(explained, refitted.inexact)):
             rival = Rival(option.name, gain, error, refitted)
             found[option.name] = max(rival, found.get(option.name, rival), key=lambda r: r.gain)
     return tuple(sorted(found.values(), key=lambda r: -r.gain))
 
 
-def worth_trying(account: Account, own: list[Option]) -> list[Option]:
-    """Return the few effects, laws and ``own``, with most linear evidence by an account's noise."""
-    options = sorted([*law_options(account), *own], key=lambda o: -o.nats)
-    return [o for o in options if o.nats > 0.5 * o.enough and o.nats > CLOSE * options[0].nats][:REFITTED]
+def left_over(explained: float, inexact: float = INEXACT) -> float:
+    """Return the nats that laws which explain so many leave to others by being inexact."""
+    return max(INEXACT, inexact) ** 2 * explained
+
+
+def worth_trying(options: list[Option], least: float) -> list[Option]:
+    """Return the few effects with most linear evidence that have enough of it, half of which the line may miss."""
+    best = sorted(options, key=lambda o: -o.nats)
+    return [o for o in best if o.nats > max(0.5 * o.enough, least, CLOSE * best[0].nats)][:REFITTED]
 
 
 def pruned(account: Account, newest: str) -> Account:
@@ -123,14 +131,14 @@ def law_options(account: Account) -> list[Option]:
     added = [settled_columns(fit, j, wanted) for j in range(len(fit.trials))]
     columns = [np.column_stack(both) for both in zip(known, added, strict=True)]
     present = len(precision)
-    grams = gram(fit, columns, np.append(precision, np.zeros(len(wanted))))
-    before = heldout_deviance(grams, range(present))
+    grams = gram(fit, columns, np.append(precision, np.ones(len(wanted))))
+    before = predictive_deviance(grams, range(present))
     total = grams.total()
     best: dict[str, list[tuple[float, int, float]]] = {}
     for k, template in enumerate(wanted):
         pick = [*range(TISSUE_SIZE + present), TISSUE_SIZE + present + k]
         coefficient = float(solve(total, grams.ridge, pick)[0][-1])
-        gain = 0.5 * float((before - heldout_deviance(grams, [*range(present), present + k])).sum())
+        gain = 0.5 * float((before - predictive_deviance(grams, [*range(present), present + k])).sum())
         if template.mechanism.one_sided and coefficient <= 0:
             gain = 0.0
         best.setdefault(template.name, []).append((gain, k, coefficient))

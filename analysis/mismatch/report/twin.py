@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ SLOW_S = 0.05
 SURFACE_MM = (0.5, 9.0)
 BLOCK_MN_PER_MM = (1.0e4, 1.0e6)
 STEP_ONLY = "finite_ramp"
+POWER_OF_DEPTH = "stiffening"
 POSITION_NOISE_UM = 0.25
 
 
@@ -101,20 +103,25 @@ def _effect(diagnosis: Diagnosis, report: Report, k: int) -> dict[str, Any] | No
     found = report.mechanisms[k]
     if found.name == STEP_ONLY:
         return None
-    effect: dict[str, Any] = {"name": found.name}
-    effect.update({name: q.value for name, q in found.parameters.items()})
-    effect["rough"] = 0.0
+    values = {name: q.value for name, q in found.parameters.items()}
+    effect = bench_effect(found.name, values, diagnosis.intake.trials[0].study_depth_mm)
     if library()[found.name].form == "event":
         states = diagnosis.improved.fit.states
         times = [s.at for state in states for s in state.shapes if s.effect == found.name and not s.kind]
         effect["scatter_s"] = min(float(np.std(times)), 5.0)
         if found.name == "motion_artefact":
             effect["share"] = len(times) / len(states)
-    if effect.get("exponent", 1.0) != 1.0:
+    return effect
+
+
+def bench_effect(name: str, values: Mapping[str, float], study_depth_mm: float) -> dict[str, Any]:
+    """Return a mechanism with its parameters as an effect of the bench, within what the bench can do."""
+    effect: dict[str, Any] = {"name": name, **values, "rough": 0.0}
+    if name == POWER_OF_DEPTH and values.get("exponent", 1.0) != 1.0:
         effect["exponent"] = float(np.clip(effect["exponent"], 1.0, 3.0))
-        effect["reference_mm"] = float(np.clip(0.5 * diagnosis.intake.trials[0].study_depth_mm, 0.01, 5.0))
+        effect["reference_mm"] = float(np.clip(0.5 * study_depth_mm, 0.01, 5.0))
         effect["coefficient_per_mm"] = float(np.clip(effect["coefficient_per_mm"], -0.3, 5.0))
-    if found.name == SERVO:
+    if name == SERVO:
         effect["damping_ratio"] = float(np.clip(effect["damping_ratio"], 0.1, 5.0))
         effect["natural_frequency_rad_s"] = float(np.clip(effect["natural_frequency_rad_s"], 100.0, 2.0e4))
     return effect

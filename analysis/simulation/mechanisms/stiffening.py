@@ -18,8 +18,8 @@ class Stiffening(Mechanism):
     name = "stiffening"
     stage = "contact"
     parameters = (
-        Parameter("coefficient_per_mm", "1/mm", -0.5, 1.0e4),
-        Parameter("exponent", "1", 0.5, 4.0),
+        Parameter("coefficient_per_mm", "1/mm", 0.0, 1.0e4),
+        Parameter("exponent", "1", 1.0, 4.0),
     )
     amplitude = "coefficient_per_mm"
     null = {"coefficient_per_mm": 0.0, "exponent": 1.0}

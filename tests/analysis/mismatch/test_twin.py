@@ -13,13 +13,13 @@ from analysis.mismatch.fit.trial_fit import fit_trial
 from analysis.mismatch.fit.whitener import Whitener
 from analysis.mismatch.model.effects import Law, Shared, TrialState, simulate
 from analysis.mismatch.model.population import Population
-from analysis.mismatch.report.twin import noise_settings
+from analysis.mismatch.report.twin import STEP_ONLY, bench_effect, noise_settings
 from analysis.mismatch.study.intake import take_in_memory
 from analysis.recordings.trial import Trial
 from analysis.simulation.mechanism import library
 from rig.settings.reading import parse_rig
 from sim_hardware.concealment.offline import study_plans
-from sim_hardware.settings import BenchSettings
+from sim_hardware.settings import BenchSettings, EffectSettings
 
 
 @pytest.mark.parametrize("study", ["clinging", "plain"])
@@ -36,6 +36,16 @@ def test_twin_is_a_rig_file_whose_bench_accepts_its_settings(
     assert bench.tissue.k0_mn_per_mm == pytest.approx(120.0, rel=0.02)
     assert bench.noise.force_mn_rms == pytest.approx(0.3, rel=0.05)
     assert bench.noise.position_um_rms == pytest.approx(0.25, rel=0.05)
+
+
+@pytest.mark.parametrize("name", sorted(set(library()) - {STEP_ONLY}))
+def test_the_bench_takes_every_mechanism_of_the_library(name: str) -> None:
+    mechanism = library()[name]
+    probes = mechanism.probe_settings(80.0, 0.8) or ({},)
+    typical = {**mechanism.null, **mechanism.typical, **probes[0]}
+    named = {p.name: typical[p.name] for p in mechanism.parameters if p.name in typical and not p.inner}
+    effect = EffectSettings.model_validate(bench_effect(name, named, 0.8))
+    assert effect.name == name
 
 
 def test_twin_behaves_as_the_found_simulation(

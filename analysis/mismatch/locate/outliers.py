@@ -1,0 +1,118 @@
+"""Single samples that are further off than any noise: sparks on a line, bits that a converter drops."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+from scipy.optimize import Bounds, minimize
+from scipy.stats import norm, t
+
+from analysis.mismatch.fit.study_fit import StudyFit
+from analysis.mismatch.locate.transients import NO_BURSTS, Bursts, at_rest, phase_at
+
+FloatArray = NDArray[np.float64]
+
+NEIGHBOURS = 9
+"""Samples whose median is the level of the middle one: a step, however steep, moves it along."""
+EDGES = np.concatenate([[0.0], np.geomspace(0.05, 1e4, 300), [np.inf]])
+"""Robust deviations by which samples are counted."""
+TAIL, FAR = 6.0, 8.0
+"""Deviations that a second, rarer kind of noise may have, and from which it is none."""
+OFTEN = 0.05
+"""What is off more often than that is no outlier."""
+FREEDOMS = (2.5, 5.0, 30.0)
+"""Degrees of freedom from which the noise is fitted."""
+PRICE = 10.0
+"""Nats for a size and a rate that were fitted beside the noise's, over a million samples (Schwarz 1978)."""
+
+
+@dataclass(frozen=True)
+class Tails:
+    """How samples (counts by `EDGES`) scatter: evidence in nats that some are further off than noise, and how far.
+
+    ``far_sd`` is in robust deviations.
+    """
+
+    evidence: float
+    far_sd: float
+
+
+def find_outliers(fit: StudyFit) -> Bursts:
+    """Weigh single samples at rest in all trials; the largest is where they are."""
+    scattered = [deviations(fit.full_residual_mn(j), at_rest(fit, j)) for j in range(len(fit.trials))]
+    whole = tails(np.concatenate([s.off for s in scattered]))
+    if whole.evidence <= 0.0:
+        return NO_BURSTS
+    j = int(np.argmax([np.abs(s.off).max(initial=0.0) for s in scattered]))
+    most = int(np.argmax(np.abs(scattered[j].off)))
+    at_s = float(np.flatnonzero(at_rest(fit, j))[most] / fit.trials[j].sample_rate_hz)
+    rms_mn = whole.far_sd * float(np.median([s.sigma_mn for s in scattered]))
+    return Bursts(whole.evidence, phase_at(fit.trials[j], at_s), at_s, rms_mn)
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """How far samples (n,) are off their neighbours' median, in robust deviations, and one of these, mN."""
+
+    off: FloatArray
+    sigma_mn: float
+
+
+def deviations(residual_mn: FloatArray, kept: NDArray[np.bool_]) -> Scatter:
+    """Return how the kept samples of a residual (N,) scatter about their neighbours."""
+    off = (residual_mn - median_filter(residual_mn, NEIGHBOURS, mode="nearest"))[kept]
+    # of few levels, as of a coarse converter, the median of the deviations may be none
+    sigma_mn = (
+        max(1.4826 * float(np.median(np.abs(off))), float(np.mean(np.abs(off))), 1e-12) if off.size else 1.0
+    )
+    return Scatter(off / sigma_mn, sigma_mn)
+
+
+def tails(off: FloatArray) -> Tails:
+    """Weigh that samples (n,) hold some that are further off than noise.
+
+    H0: Student's t, any degrees of freedom, with any rarer normal part up to `TAIL` deviations: heavy tails. H1: the
+    same with a rarer part beyond `FAR`. Samples are taken as independent; both are fitted to their counts.
+    """
+    counts = np.histogram(np.abs(off), EDGES)[0].astype(np.float64)
+    far = np.abs(off)[np.abs(off) > FAR]
+    if not far.size:
+        return Tails(0.0, 0.0)
+    rare, most = far.size / len(off), 100.0 * float(far.max())
+    noise = min(
+        (_misfit(counts, (f, 1.0, 1e-3, 0.5 * TAIL), (1.0, TAIL)) for f in FREEDOMS), key=lambda m: m[0]
+    )
+    freedom, scale = noise[1][:2]
+    starts = (
+        (freedom, scale, rare, sd)
+        for sd in (2.0 * FAR, float(np.median(far)), float(np.sqrt(np.mean(far**2))))
+    )
+    with_far = min((_misfit(counts, start, (FAR, most)) for start in starts), key=lambda m: m[0])
+    return Tails(noise[0] - with_far[0] - PRICE, float(with_far[1][3]))
+
+
+def _misfit(
+    counts: FloatArray, start: tuple[float, float, float, float], sd: tuple[float, float]
+) -> tuple[float, FloatArray]:
+    """Return -ln likelihood of counts under a t with a rarer normal part at its best, and the parameters (4,) there.
+
+    They are the t's degrees of freedom and scale, and the rarer part's share and its deviation, between ``sd``.
+    """
+
+    def misfit(x: FloatArray) -> float:
+        freedom, scale, share, far = np.exp(x)
+        p = (1.0 - share) * -np.diff(t.sf(EDGES / scale, freedom)) + share * -np.diff(norm.sf(EDGES / far))
+        return -float(counts @ np.log(np.maximum(2.0 * p, 1e-300)))
+
+    bounds = np.log([(1.5, 150.0), (0.1, 3.0), (0.1 / counts.sum(), OFTEN), sd])
+    found = minimize(
+        misfit,
+        np.clip(np.log(start), bounds[:, 0], bounds[:, 1]),
+        bounds=Bounds(bounds[:, 0], bounds[:, 1]),
+        method="Nelder-Mead",
+        options={"maxiter": 600, "xatol": 1e-3, "fatol": 0.05, "adaptive": True},
+    )
+    return float(found.fun), np.exp(found.x)

@@ -19,6 +19,7 @@ from rig.commands.safe import make_safe
 from rig.engine.states import State
 from rig.gui.habits import Habits
 from rig.gui.window import Window
+from rig.settings.reading import load_rig
 
 PATIENCE_MS = 60_000
 STUDY = """kind = "study"
@@ -127,6 +128,8 @@ def opened(folder: Path, qapp: QApplication) -> Iterator[tuple[Window, Asked]]:
 @pytest.fixture
 def drive(opened: tuple[Window, Asked], folder: Path, qtbot: Any, monkeypatch: pytest.MonkeyPatch) -> Driver:
     window, question = opened
+    question.answer = ""
+    question.asked.clear()
     monkeypatch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
     driver = Driver(window, question, folder, qtbot)
     driver.until(lambda: window.link.state.link == "open" and driver.at_rest())
@@ -275,6 +278,25 @@ def test_pause_retreat_and_go_on(drive: Driver) -> None:
     drive.question.answer = "Stop the run"
     window.actions_by_name["Stop"].trigger()
     drive.until(drive.at_rest)
+
+
+def test_a_study_of_another_calibration_is_asked_about_first(drive: Driver) -> None:
+    window = drive.window
+    out = drive.load("another", hold=0.3)
+    out.mkdir()
+    begun_with = out / "rig.json"
+    begun_with.write_text(f'{{"rig": "{load_rig(drive.folder / "rig.toml").name}", "constants": {{}}}}')
+    drive.question.answer = "Don't start"
+    drive.start()
+    drive.until(lambda: drive.question.asked)
+    assert "recorded with another calibration" in drive.question.asked[0]
+    drive.until(lambda: window.link.state.ready)
+    assert not list(out.glob("*.h5"))
+    drive.question.answer = "Go on with this one"
+    drive.start()
+    drive.until(lambda: window.study.table.n_done() == 1)
+    assert len(drive.question.asked) == 2
+    assert "volts_per_mm" in begun_with.read_text(), "the study goes on with the constants of today"
 
 
 def test_closing_in_a_run_asks_first(drive: Driver) -> None:

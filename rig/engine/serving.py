@@ -64,7 +64,15 @@ class Session:
         self._facts = facts_of(bench, rig, used)
         self._snapshot = Snapshot(title="", state=State.IDLE, bench=self._facts)
         lever = bench.lever
-        self._feed = Feed(rig.name or "bench", rig_path, lever.sample_rate_hz, lever.calibration, self.hear)
+        # the first thing that is heard of a bench says which bench it is: a window decides by that whose hands act
+        self._feed = Feed(
+            rig.name or "bench",
+            rig_path,
+            lever.sample_rate_hz,
+            lever.calibration,
+            self.hear,
+            first=self._snapshot,
+        )
         self._live = LiveView(lever, lambda: self._feed.mark(IDLE, 0, 0), self._feed.follow)
 
     def serve(self) -> None:

@@ -120,6 +120,17 @@ def test_nothing_is_cut_off_on_a_4k_screen(tmp_path: Path) -> None:
     assert done.stdout.splitlines() == ["scale 2.0"]
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("size", "scale"), [("1366x768", "1"), ("1920x1080", "2")])
+def test_a_session_at_the_bench_shows_every_word(size: str, scale: str, tmp_path: Path) -> None:
+    """The command that makes the pictures looks at every page as it is photographed."""
+    command = [sys.executable, "-m", "rig.gui.screenshots", str(tmp_path), "--size", size]
+    env = os.environ | {"QT_SCALE_FACTOR": scale, "QT_QPA_PLATFORM": "offscreen"}
+    done = subprocess.run(command, env=env, capture_output=True, text=True, timeout=600, check=False)
+    assert done.returncode == 0, done.stderr
+    assert len(list(tmp_path.glob("*.png"))) == 13
+
+
 @pytest.mark.parametrize(
     ("make", "wide_px"),
     [

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 from typing import get_args
 
 from analysis.recordings.checks import Check, filled, finite, moment, not_negative, one_of, positive, slope
@@ -114,6 +115,7 @@ ATTRIBUTES: tuple[Attribute, ...] = (
 )
 
 
+@cache
 def attributes_of(group: str) -> tuple[Attribute, ...]:
     """Return the declared attributes of a group, in the order of the table."""
     return tuple(attribute for attribute in ATTRIBUTES if attribute.group == group)

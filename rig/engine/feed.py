@@ -47,7 +47,7 @@ class Feed:
     A thread of its own keeps the sockets: it sends each snapshot, sends the last one again to whoever
     subscribes and at every heartbeat, and hands requests from other processes to `on_request`, whose
     verdicts go out with the snapshots. A request counts only with the token of the announcement, once;
-    whatever else comes to the open port is passed over.
+    whatever else comes to the open port is passed over. Whoever follows before anything was shown gets `first`.
     """
 
     def __init__(
@@ -57,6 +57,7 @@ class Feed:
         sample_rate_hz: float,
         calibration: Calibration,
         on_request: Callable[[Request], Verdict] = _nothing_runs,
+        first: Snapshot | None = None,
     ) -> None:
         self._title = title
         self._out = out
@@ -73,7 +74,7 @@ class Feed:
         self._inbox.bind(self._inbox_address)
         self._ready = threading.Event()
         self._addresses = ("", "")
-        self._last = Snapshot(title=title, state=State.IDLE, out=str(out))
+        self._last = first or Snapshot(title=title, state=State.IDLE, out=str(out))
         self._number = 0
         self._answers: deque[Verdict] = deque(maxlen=_ANSWERS_KEPT)
         self._thread = threading.Thread(target=self._serve, name="feed", daemon=True)

@@ -67,12 +67,20 @@ class CalibrationShown:
 
 
 @dataclass(frozen=True, slots=True)
+class Doubt:
+    """Why a run that was asked for has not begun: it does where the request comes again with `accept`."""
+
+    request: str
+    words: str
+
+
+@dataclass(frozen=True, slots=True)
 class Snapshot:
     """One moment of a run, as observers and other processes see it. Times are those of the bench, s.
 
     `number` counts the snapshots of a bench; `file` is the one being written; `surface_mm` and
     `overshoot_um` are what the last approach found; `ended` holds the last trials and what became of them;
-    `error` is what ended the last run.
+    `error` is what ended the last run; `doubt` is what is to be accepted before one begins.
     """
 
     title: str
@@ -95,6 +103,7 @@ class Snapshot:
     pausing: bool = False
     prompt: Prompt | None = None
     error: str = ""
+    doubt: Doubt | None = None
     ended: tuple[Ended, ...] = ()
     calibration: CalibrationShown | None = None
     bench: BenchFacts | None = None

@@ -84,12 +84,16 @@ class Answer(_Request):
 
 
 class Run(_Request):
-    """Run a protocol, or go on with it where `out` holds its beginning."""
+    """Run a protocol, or go on with it where `out` holds its beginning.
+
+    `accept`: also where those trials were recorded with another calibration; else that is asked first.
+    """
 
     do: Literal["run"]
     protocol: Text
     out: Text
     hands: Literal["person", "bench"] = "person"
+    accept: bool = False
 
 
 class Calibrate(_Request):

@@ -28,7 +28,7 @@ from rig.engine.feed import IDLE, Feed
 from rig.engine.idling import LiveView
 from rig.engine.interrupts import Interrupts
 from rig.engine.loading import load_run
-from rig.engine.progress import BenchFacts, CalibrationInUse, CalibrationShown, Snapshot
+from rig.engine.progress import BenchFacts, CalibrationInUse, CalibrationShown, Doubt, Snapshot
 from rig.engine.prompts import Desk
 from rig.engine.requests import Accept, Calibrate, Close, Request, Run, Verdict
 from rig.engine.resuming import keep_protocol
@@ -64,7 +64,15 @@ class Session:
         self._facts = facts_of(bench, rig, used)
         self._snapshot = Snapshot(title="", state=State.IDLE, bench=self._facts)
         lever = bench.lever
-        self._feed = Feed(rig.name or "bench", rig_path, lever.sample_rate_hz, lever.calibration, self.hear)
+        # the first thing that is heard of a bench says which bench it is: a window decides by that whose hands act
+        self._feed = Feed(
+            rig.name or "bench",
+            rig_path,
+            lever.sample_rate_hz,
+            lever.calibration,
+            self.hear,
+            first=self._snapshot,
+        )
         self._live = LiveView(lever, lambda: self._feed.mark(IDLE, 0, 0), self._feed.follow)
 
     def serve(self) -> None:
@@ -115,7 +123,7 @@ class Session:
 
     def _do(self, order: Run | Calibrate | Accept) -> None:
         """Do what was asked for; what goes wrong is shown, and the bench stays open where the arm is clear."""
-        self._snapshot = replace(self._snapshot, error="", message="", ended=(), title="")
+        self._snapshot = replace(self._snapshot, error="", doubt=None, message="", ended=(), title="")
         try:
             match order:
                 case Run():
@@ -142,7 +150,20 @@ class Session:
             self._snapshot = replace(self._snapshot, message=message, out=str(out))
             return
         calibration = self._bench.lever.calibration
-        check_same_rig(self._rig, calibration, out, lambda _: False)
+        doubts: list[str] = []
+
+        def accepted(words: str) -> bool:
+            doubts.append(words)
+            return order.accept
+
+        try:
+            check_same_rig(self._rig, calibration, out, accepted)
+        except BadInputError:
+            if not doubts:
+                raise
+            # whoever asked for the run answers by asking again: nothing waits here for a window that may die
+            self._snapshot = replace(self._snapshot, doubt=Doubt(order.id, doubts[0]), out=str(out))
+            return
         keep_protocol(loaded.toml, out)
         keep_rig(self._rig, calibration, out)
         self._record(loaded.plan, loaded.left.tasks, out, order.hands, lambda _: None)

@@ -38,13 +38,15 @@ class BenchLink(QObject):
     """Pulls 30 times a second what the bench shows: samples into `bins`, snapshots into `state`.
 
     `changed` comes when the state has, `frame` at every turn of the timer, `said` with a line for the log
-    (and its kind: "", "good", "note", "bad", or "done" for what an abort did), `opened` once a bench answers.
+    (and its kind: "", "good", "note", "bad", or "done" for what an abort did), `opened` once a bench answers,
+    `doubted` with the words of what a run that was asked for needs to be told first.
     """
 
     changed = Signal(object)
     frame = Signal()
     said = Signal(str, str)
     opened = Signal()
+    doubted = Signal(str)
 
     def __init__(self, log: Path, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -210,6 +212,9 @@ class BenchLink(QObject):
             last = now.ended[-1]
             kind = "good" if last.outcome == "complete" else "note"
             self.said.emit(f"{last.file}: {last.outcome} {last.reason}".rstrip(), kind)
+        if now.doubt is not None and now.doubt != before.doubt:
+            self.said.emit(f"not begun yet: {now.doubt.words}", "note")
+            self.doubted.emit(now.doubt.words)
         if now.error and now.error != before.error:
             self.said.emit(now.error, "bad")
         if now.n_lost > before.n_lost:

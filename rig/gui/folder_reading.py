@@ -8,10 +8,13 @@ from pathlib import Path
 
 from PySide6.QtCore import QObject, Signal
 
-from rig.gui.jobs.headers import BEING_WRITTEN, Header, Listing, keep_index, list_folder, read_headers
+from rig.gui.jobs.headers import BEING_WRITTEN, Header, Listing, keep_index, list_folder, read_first_headers
 from rig.gui.worker import Worker
 
-_FIRST, _AT_A_TIME = 16, 64
+_FIRST, _AT_A_TIME = 16, 512
+_AT_A_TIME_S = 0.2
+"""What is urgent, the fit of a trial that has just ended, waits no longer for the worker than this."""
+
 _KEY = "folder of trials"
 
 
@@ -77,18 +80,25 @@ class FolderReading(QObject):
         chunk = self._waiting[0]
         self._worker.ask(
             "reading trial files",
-            read_headers,
+            read_first_headers,
             chunk,
+            _AT_A_TIME_S,
             then=self._read,
             failed=partial(self._not_read, chunk),
             key=_KEY,
         )
 
     def _read(self, headers: Sequence[Header]) -> None:
-        self._waiting.pop(0)
+        self._waiting[0] = self._waiting[0][len(headers) :]
+        if not self._waiting[0]:
+            self._waiting.pop(0)
         self._found |= {header.path: header for header in headers}
+        more = bool(self._waiting)
+        if more:
+            self._next()  # first: the worker reads on while these are shown
         self.headers.emit(headers)
-        self._next()
+        if not more:
+            self._next()
 
     def _not_read(self, chunk: list[str], problem: str) -> None:
         """Halve a chunk on which the process died, until the file that does it stands alone."""

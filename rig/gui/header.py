@@ -10,10 +10,13 @@ from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QDoubleSpinBox, QFrame, QHBoxLayout, QLabel, QPushButton
 
 from rig.gui.bench_state import BenchState
+from rig.gui.shortened import ShortenedLabel
 from rig.gui.theme import LIGHT, Theme
 
 _DISK_EVERY_S = 5.0
 _LITTLE_GB = 2.0
+_RIG_PX = 220
+"""What the name of a rig may take: it is as long as whoever wrote its file liked."""
 
 
 class DiskSpace:
@@ -57,10 +60,9 @@ class Header(QFrame):
         self._rig.setAccessibleName("which rig this is")
         self._doing = QLabel()
         self._doing.setAccessibleName("what the rig does")
-        self._file = QLabel()
+        self._file = ShortenedLabel("the file being written; its folder")
         self._lost = QLabel()
         self._disk = QLabel()
-        self._file.setToolTip("the file being written; its folder")
         self._lost.setToolTip("samples of this run that never came from the card")
         self._disk.setToolTip("room on the disk that the trials go to")
         self.abort_button = QPushButton("ABORT   Esc")
@@ -92,7 +94,8 @@ class Header(QFrame):
             rig = "SIMULATED RIG"
         else:
             rig = (s.bench.rig if s.bench else "") or state.rig or "rig"
-        self._rig.setText(rig)
+        self._rig.setText(self.fontMetrics().elidedText(rig, Qt.TextElideMode.ElideMiddle, _RIG_PX))
+        self._rig.setToolTip(rig)
         self._doing.setText(state.words)
         place = Path(s.out).name if s.out else ""
         self._file.setText(f"writing {place}/{s.file}" if s.file else "no file is being written")

@@ -97,6 +97,7 @@ class Overlay(QWidget):
         """Draw these trials, as soon as the choice has settled."""
         self._chosen = {one.path: one for one in chosen[:MOST_TRIALS]}
         self._left_out = max(0, len(chosen) - MOST_TRIALS)
+        self._worker.forget(_KEY)  # what is being read belongs to the choice before
         self._settle.start()
 
     def highlight(self, path: str) -> None:

@@ -34,9 +34,11 @@ class StudyCommands:
     ) -> None:
         self._link, self._study, self._trials = link, study, trials
         self._shell, self._worker, self._ask, self._say = shell, worker, question, say
+        self._run: dict[str, str] = {}
         study.discard_asked.connect(self.discard)
         study.restore_asked.connect(self.restore)
         study.repeat_asked.connect(self.repeat)
+        link.doubted.connect(self._doubted)
 
     def run_protocol(self, protocol: Path) -> None:
         """Show a protocol on the study page, from where it is started."""
@@ -114,7 +116,16 @@ class StudyCommands:
         simulated = self._link.state.simulated
         hands = "bench" if simulated and self._study.by_bench.isChecked() else "person"
         self._check_room()
-        self._link.ask("run", protocol=str(self._study.protocol), out=str(self._study.out), hands=hands)
+        self._run = {"protocol": str(self._study.protocol), "out": str(self._study.out), "hands": hands}
+        self._link.ask("run", **self._run)
+
+    def _doubted(self, words: str) -> None:
+        """Ask whether the run is to begin all the same: its trials were recorded with another calibration."""
+        choices: Choices = {
+            "Don't start": lambda: self._say("not started: nothing was changed", "note"),
+            "Go on with this one": partial(self._link.ask, "run", **self._run, accept=True),
+        }
+        self._ask(self._shell, "Another calibration", words, choices)
 
     def _check_room(self) -> None:
         plan, out = self._study.plan, self._study.out

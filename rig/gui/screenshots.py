@@ -1,7 +1,8 @@
 """Pictures of every page, without a screen: `python -m rig.gui.screenshots DIR [--theme dark] [--size 1366x768]`.
 
 The window is the real one on the simulated rig: it connects, runs a small study, aborts, and is
-photographed on the way. For a 4K screen set QT_SCALE_FACTOR=2 and leave the size.
+photographed on the way. For a 4K screen set QT_SCALE_FACTOR=2 and --size 1920x1080. Words that do not fit are
+told on stderr, and the exit code is then 1.
 """
 
 from __future__ import annotations
@@ -66,14 +67,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
     width, height = (int(part) for part in given.size.split("x"))
     window.resize(width, height)
     window.show()
-    _Photographer(app, window, out).tour(out / ".home" / f"trials-{os.getpid()}")
+    photographer = _Photographer(app, window, out)
+    photographer.tour(out / ".home" / f"trials-{os.getpid()}")
     window.close()
-    return 0
+    for fault in photographer.faults:
+        print(fault, file=sys.stderr)
+    return 1 if photographer.faults else 0
 
 
 class _Photographer:
+    """Drives a window through a session; `faults` holds what could not be read in its pictures."""
+
     def __init__(self, app: QApplication, window: Window, out: Path) -> None:
         self._app, self._window, self._out = app, window, out
+        self._size = window.size()
+        self.faults: list[str] = []
 
     def tour(self, folder: Path) -> None:
         """Go through a session at the bench."""
@@ -137,9 +145,14 @@ class _Photographer:
         return str(self._window.link.state.snapshot.state)
 
     def _photograph(self, name: str) -> None:
+        from rig.gui.cut_off import cut_off
+
         self._let_pass(0.2)
         path = self._out / f"{name}.png"
         self._window.grab().save(str(path))
+        if self._window.size() != self._size:
+            self.faults.append(f"{name}: the window has grown to {self._window.width()} px")
+        self.faults += [f"{name}: {fault}" for fault in cut_off(self._window)]
         print(path, flush=True)
 
     def _let_pass(self, seconds: float) -> None:

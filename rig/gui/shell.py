@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from PySide6.QtCore import QByteArray, QSize, Qt, QTimer
+from PySide6.QtCore import QByteArray, QSize, QTimer
 from PySide6.QtWidgets import (
     QButtonGroup,
     QHBoxLayout,
-    QLabel,
     QSplitter,
     QStackedWidget,
     QToolButton,
@@ -15,11 +14,25 @@ from PySide6.QtWidgets import (
 )
 
 from rig.gui.header import Banner, Header
+from rig.gui.shortened import ShortenedLabel
 from rig.gui.theme import LIGHT, Theme
 
 RAIL_WIDTH = 90
 _SUCCESS_MS = 5000
 _STAY = frozenset({"bad", "done"})
+
+
+class _Pages(QStackedWidget):
+    """Pages that need the room of the one that is seen: Qt asks for that of the widest, seen or not."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.currentChanged.connect(lambda _: self.updateGeometry())
+
+    def minimumSizeHint(self) -> QSize:  # noqa: N802
+        """What the page in front needs."""
+        page = self.currentWidget()
+        return super().minimumSizeHint() if page is None else page.minimumSizeHint()
 
 
 class Shell(QWidget):
@@ -32,7 +45,7 @@ class Shell(QWidget):
         self.header, self.banner = Header(), Banner()
         self.pages: dict[str, QWidget] = {}
         self._beside: set[str] = set()
-        self._stack = QStackedWidget()
+        self._stack = _Pages()
         self._buttons = QButtonGroup(self)
         self._buttons.setExclusive(True)
         self._rail = QVBoxLayout()
@@ -42,9 +55,8 @@ class Shell(QWidget):
         rail = self._rail_widget = QWidget()
         rail.setFixedWidth(RAIL_WIDTH)
         rail.setLayout(self._rail)
-        self._status = QLabel()
+        self._status = ShortenedLabel()
         self._status.setAccessibleName("last message")
-        self._status.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         self._dismiss = QToolButton()
         self._dismiss.setText("✕")
         self._dismiss.setToolTip("put this message away; the log keeps it")
@@ -95,8 +107,12 @@ class Shell(QWidget):
 
     def show_page(self, name: str) -> None:
         """Bring a page to the front."""
+        # never a wide page and the column at once: a window that has grown does not shrink again
+        if name not in self._beside:
+            self._column.hide()
         self._stack.setCurrentWidget(self.pages[name])
-        self._column.setVisible(name in self._beside)
+        if name in self._beside:
+            self._column.show()
         for button in self._buttons.buttons():
             button.setChecked(button.property("page") == name)
         self.pages[name].setFocus()
@@ -107,7 +123,6 @@ class Shell(QWidget):
             return
         self._status.setProperty("kind", kind)
         self._status.setText(line)
-        self._status.setToolTip(line)
         t = self._theme
         colour = {"good": t.good, "done": t.good, "note": t.note, "bad": t.bad}.get(kind, t.text)
         weight = "bold" if kind in _STAY else "normal"

@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -89,6 +90,21 @@ def list_folder(folder: Path) -> Listing:
 def read_headers(paths: Sequence[str]) -> tuple[Header, ...]:
     """Return one header a file; a file that can't be read, or is being written, has one that says so."""
     return tuple(_header(Path(path)) for path in paths)
+
+
+def read_first_headers(paths: Sequence[str], within_s: float) -> tuple[Header, ...]:
+    """Return the headers of the first of these files: as many as are read in that time, one at least.
+
+    Bounded by time and not by number, so that what is asked for meanwhile waits no longer on a slow disk or a
+    busy processor, and a quick one is not kept waiting for its next orders.
+    """
+    until = time.monotonic() + within_s
+    headers: list[Header] = []
+    for path in paths:
+        headers.append(_header(Path(path)))
+        if time.monotonic() > until:
+            break
+    return tuple(headers)
 
 
 def keep_index(folder: Path, headers: Sequence[Header]) -> None:

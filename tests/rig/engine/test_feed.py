@@ -17,7 +17,7 @@ from analysis.recordings.trial import Calibration
 from rig.engine.announcing import announcements
 from rig.engine.feed import Feed
 from rig.engine.following import Follower, follow_newest
-from rig.engine.progress import Snapshot
+from rig.engine.progress import BenchFacts, Snapshot
 from rig.engine.requests import Request, Verdict, make_request
 from rig.engine.ring import RingReader
 from rig.engine.states import State
@@ -54,6 +54,18 @@ def test_a_latecomer_gets_the_last_snapshot_and_the_last_samples(tmp_path: Path)
             assert ended is not None
             assert ended.state is State.FINISHED
     assert announcements() == []
+
+
+def test_who_follows_before_anything_was_shown_gets_the_first_snapshot(tmp_path: Path) -> None:
+    facts = BenchFacts("b", True, 0.0, 10.0, 0.5, 400.0, 8000.0)
+    first = Snapshot(title="", state=State.IDLE, bench=facts)
+    with Feed("study", tmp_path, 8000.0, CALIBRATION, first=first):
+        follower = follow_newest()
+        assert follower is not None
+        with follower:
+            shown = follower.snapshot()
+            assert shown is not None
+            assert shown.bench == facts
 
 
 def accepting(heard: list[Request], came: threading.Event) -> Callable[[Request], Verdict]:

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import gc
 import os
+import sys
 from collections.abc import Callable, Iterator
+from functools import cache
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import pytest
@@ -81,3 +85,53 @@ def study_folder(simulated_trial: Callable[..., Any], tmp_path_factory: pytest.T
             name = f"{finger}_{depth_mm:.2f}mm_r{trial.specimen.repeat}.h5"
             write_trial(folder / name, trial)
     return folder
+
+
+@cache
+def _driver() -> ModuleType:
+    # by its file: the tests' folders are no packages
+    spec = spec_from_file_location("window_driver", Path(__file__).parent / "window_driver.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = sys.modules[spec.name] = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory, real_time_rig: str) -> Iterator[Path]:
+    folder = tmp_path_factory.mktemp("window")
+    patch = pytest.MonkeyPatch()
+    for name, value in (
+        ("INDENTER_RUNTIME_DIR", "runs"),
+        ("XDG_CACHE_HOME", "cache"),
+        ("XDG_CONFIG_HOME", "config"),
+        ("XDG_DATA_HOME", "data"),
+    ):
+        patch.setenv(name, str(folder / value))
+    stage = '[stage]\nport = "companion:stage"\n[balance]\nport = "companion:balance"\n'
+    (folder / "rig.toml").write_text(stage + real_time_rig)
+    yield folder
+    patch.undo()
+
+
+@pytest.fixture(scope="module")
+def opened(folder: Path, qapp: Any) -> Iterator[tuple[Any, Any]]:
+    driver = _driver()
+    question = driver.Asked()
+    window = driver.make_window(folder, question)
+    window.connect_rig(folder / "rig.toml")
+    yield window, question
+    question.answer = "Stop the run and close"
+    window.close()
+
+
+@pytest.fixture
+def drive(opened: tuple[Any, Any], folder: Path, qtbot: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
+    window, question = opened
+    question.answer = ""
+    question.asked.clear()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
+    driver = _driver().Driver(window, question, folder, qtbot)
+    driver.until(lambda: window.link.state.link == "open" and driver.at_rest())
+    return driver

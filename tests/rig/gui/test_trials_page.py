@@ -221,14 +221,16 @@ def test_a_file_on_which_the_reader_dies_is_found(
 import os
 from rig.gui.jobs.headers import Header
 
-def read_headers(paths):
+def read_first_headers(paths, within_s):
     if any("index_0.80mm_r1" in path for path in paths):
         os._exit(9)
     return tuple(Header(path, 1, 1) for path in paths)
 """
     )
     monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setattr("rig.gui.folder_reading.read_headers", import_module("dying_reader").read_headers)
+    monkeypatch.setattr(
+        "rig.gui.folder_reading.read_first_headers", import_module("dying_reader").read_first_headers
+    )
     worker = Worker()
     reading = FolderReading(worker)
     found: dict[str, Header] = {}

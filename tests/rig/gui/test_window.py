@@ -5,8 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import time
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -17,123 +16,11 @@ from PySide6.QtWidgets import QApplication, QComboBox, QMenu, QMessageBox
 from analysis.recordings import read_trial
 from rig.commands.safe import make_safe
 from rig.engine.states import State
-from rig.gui.habits import Habits
 from rig.gui.window import Window
-
-PATIENCE_MS = 60_000
-STUDY = """kind = "study"
-[study]
-fingers = ["index"]
-depths_mm = [0.3]
-repeats = {repeats}
-rest_s = 1.0
-[surface]
-start_mm = 2.5
-approach_speed_mm_s = {approach}
-[indentation]
-dwell_s = 0.3
-ramp_speed_mm_s = 0.3
-hold_s = {hold}
-"""
+from rig.settings.reading import load_rig
 
 
-class Asked:
-    """Answers the window's questions in the place of a person: with the choice that is named."""
-
-    def __init__(self) -> None:
-        self.answer = ""
-        self.asked: list[str] = []
-
-    def __call__(self, _: Any, title: str, text: str, choices: Any) -> None:
-        self.asked.append(f"{title}: {text}")
-        if self.answer in choices:
-            choices[self.answer]()
-
-
-class Driver:
-    """A window on the rig, and a hand on its keys."""
-
-    def __init__(self, window: Window, question: Asked, folder: Path, qtbot: Any) -> None:
-        self.window, self.question, self.folder, self.qtbot = window, question, folder, qtbot
-
-    def until(self, condition: Callable[[], object]) -> None:
-        try:
-            self.qtbot.waitUntil(lambda: bool(condition()), timeout=PATIENCE_MS)
-        except self.qtbot.TimeoutError:
-            pytest.fail(f"{self.window.link.state}\n{self.log()}")
-
-    def load(self, name: str, *, hold: float = 20.0, approach: float = 2.0, repeats: int = 1) -> Path:
-        protocol = self.folder / f"{name}.toml"
-        protocol.write_text(STUDY.format(hold=hold, approach=approach, repeats=repeats))
-        assert self.window.study.load(protocol, self.folder / name)
-        return self.folder / name
-
-    def start(self, *, by_bench: bool = True) -> None:
-        self.window.study.by_bench.setChecked(by_bench)
-        self.window.shell.show_page("Study")
-        self.press(Qt.Key.Key_F5)
-
-    def press(self, key: Qt.Key, modifier: Any = Qt.KeyboardModifier.NoModifier) -> None:
-        if QApplication.activeWindow() is None:  # without a screen nobody hands it back after a dialog
-            self.window.activateWindow()
-            self.qtbot.waitUntil(lambda: QApplication.activeWindow() is self.window)
-        QTest.keyClick(QApplication.focusWidget() or self.window, key, modifier)
-
-    @property
-    def state(self) -> State:
-        return self.window.link.state.snapshot.state
-
-    def at_rest(self) -> bool:
-        return not self.window.link.state.running and self.state is State.IDLE
-
-    def log(self) -> str:
-        return self.window.log.view.toPlainText()
-
-
-def make_window(folder: Path, question: Asked) -> Window:
-    window = Window(Habits(folder / "habits.json"), folder / "logs", question)
-    window.resize(1366, 768)
-    window.show()
-    return window
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory, real_time_rig: str) -> Iterator[Path]:
-    folder = tmp_path_factory.mktemp("window")
-    patch = pytest.MonkeyPatch()
-    for name, value in (
-        ("INDENTER_RUNTIME_DIR", "runs"),
-        ("XDG_CACHE_HOME", "cache"),
-        ("XDG_CONFIG_HOME", "config"),
-        ("XDG_DATA_HOME", "data"),
-    ):
-        patch.setenv(name, str(folder / value))
-    stage = '[stage]\nport = "companion:stage"\n[balance]\nport = "companion:balance"\n'
-    (folder / "rig.toml").write_text(stage + real_time_rig)
-    yield folder
-    patch.undo()
-
-
-@pytest.fixture(scope="module")
-def opened(folder: Path, qapp: QApplication) -> Iterator[tuple[Window, Asked]]:
-    question = Asked()
-    window = make_window(folder, question)
-    window.connect_rig(folder / "rig.toml")
-    yield window, question
-    question.answer = "Stop the run and close"
-    window.close()
-
-
-@pytest.fixture
-def drive(opened: tuple[Window, Asked], folder: Path, qtbot: Any, monkeypatch: pytest.MonkeyPatch) -> Driver:
-    window, question = opened
-    monkeypatch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
-    driver = Driver(window, question, folder, qtbot)
-    driver.until(lambda: window.link.state.link == "open" and driver.at_rest())
-    return driver
-
-
-def test_it_connects_and_shows_the_arm_at_rest(drive: Driver) -> None:
+def test_it_connects_and_shows_the_arm_at_rest(drive: Any) -> None:
     window = drive.window
     drive.until(lambda: window.link.bins is not None and window.link.bins.next_sample > 8000)
     assert window.link.state.simulated
@@ -146,7 +33,7 @@ def test_it_connects_and_shows_the_arm_at_rest(drive: Driver) -> None:
     assert "connected" in drive.log()
 
 
-def test_a_trial_by_hand_is_run_shown_and_fitted(drive: Driver) -> None:
+def test_a_trial_by_hand_is_run_shown_and_fitted(drive: Any) -> None:
     window = drive.window
     out = drive.load("by_hand", hold=1.5)
     drive.start(by_bench=False)
@@ -167,7 +54,7 @@ def test_a_trial_by_hand_is_run_shown_and_fitted(drive: Driver) -> None:
 
 
 @pytest.mark.parametrize("when", [State.APPROACHING, State.RAMPING, State.HOLDING])
-def test_esc_takes_the_arm_off_the_skin(drive: Driver, when: State) -> None:
+def test_esc_takes_the_arm_off_the_skin(drive: Any, when: State) -> None:
     window = drive.window
     slow = 0.3 if when is State.APPROACHING else 2.0
     out = drive.load(f"esc_{when}", approach=slow)
@@ -183,7 +70,7 @@ def test_esc_takes_the_arm_off_the_skin(drive: Driver, when: State) -> None:
     window.shell.clear()
 
 
-def test_esc_reaches_the_arm_from_wherever_the_focus_is(drive: Driver) -> None:
+def test_esc_reaches_the_arm_from_wherever_the_focus_is(drive: Any) -> None:
     window = drive.window
     heard: list[float] = []
     real, window.keys._abort = window.keys._abort, lambda: heard.append(time.monotonic())
@@ -236,7 +123,7 @@ def _situations(window: Window) -> list[tuple[Callable[[], Any], Callable[[], An
     return found
 
 
-def test_discard_restore_and_repeat(drive: Driver) -> None:
+def test_discard_restore_and_repeat(drive: Any) -> None:
     window = drive.window
     out = drive.load("again", hold=0.5, repeats=2)
     drive.start()
@@ -261,7 +148,7 @@ def test_discard_restore_and_repeat(drive: Driver) -> None:
     assert read_trial(second).discarded == ""
 
 
-def test_pause_retreat_and_go_on(drive: Driver) -> None:
+def test_pause_retreat_and_go_on(drive: Any) -> None:
     window = drive.window
     out = drive.load("pause", hold=3.0, repeats=2)
     drive.start()
@@ -277,7 +164,26 @@ def test_pause_retreat_and_go_on(drive: Driver) -> None:
     drive.until(drive.at_rest)
 
 
-def test_closing_in_a_run_asks_first(drive: Driver) -> None:
+def test_a_study_of_another_calibration_is_asked_about_first(drive: Any) -> None:
+    window = drive.window
+    out = drive.load("another", hold=0.3)
+    out.mkdir()
+    begun_with = out / "rig.json"
+    begun_with.write_text(f'{{"rig": "{load_rig(drive.folder / "rig.toml").name}", "constants": {{}}}}')
+    drive.question.answer = "Don't start"
+    drive.start()
+    drive.until(lambda: drive.question.asked)
+    assert "recorded with another calibration" in drive.question.asked[0]
+    drive.until(lambda: window.link.state.ready)
+    assert not list(out.glob("*.h5"))
+    drive.question.answer = "Go on with this one"
+    drive.start()
+    drive.until(lambda: window.study.table.n_done() == 1)
+    assert len(drive.question.asked) == 2
+    assert "volts_per_mm" in begun_with.read_text(), "the study goes on with the constants of today"
+
+
+def test_closing_in_a_run_asks_first(drive: Any) -> None:
     window = drive.window
     drive.load("closing")
     drive.start()
@@ -290,7 +196,7 @@ def test_closing_in_a_run_asks_first(drive: Driver) -> None:
     drive.until(drive.at_rest)
 
 
-def test_the_rigs_program_is_killed_and_the_study_is_gone_on_with(drive: Driver) -> None:
+def test_the_rigs_program_is_killed_and_the_study_is_gone_on_with(drive: Any) -> None:
     window = drive.window
     out = drive.load("killed", hold=3.0, repeats=2)
     drive.start()
@@ -312,7 +218,7 @@ def test_the_rigs_program_is_killed_and_the_study_is_gone_on_with(drive: Driver)
     assert read_trial(out / "002_index_0.30mm_r2_again2.h5").status == "complete"
 
 
-def test_a_frozen_program_is_ended_by_an_abort(drive: Driver) -> None:
+def test_a_frozen_program_is_ended_by_an_abort(drive: Any) -> None:
     window = drive.window
     out = drive.load("frozen")
     drive.start()
@@ -327,7 +233,7 @@ def test_a_frozen_program_is_ended_by_an_abort(drive: Driver) -> None:
     assert (out / "001_index_0.30mm_r1.h5").exists(), "the file is kept, for rescue"
 
 
-def test_keys_are_listed_from_the_actions(drive: Driver) -> None:
+def test_keys_are_listed_from_the_actions(drive: Any) -> None:
     drive.window.shell.show_page("Live")
     drive.press(Qt.Key.Key_F1)
     keys = drive.question.asked[-1]
@@ -341,7 +247,7 @@ def test_keys_are_listed_from_the_actions(drive: Driver) -> None:
         assert part in keys
 
 
-def test_two_looks(drive: Driver) -> None:
+def test_two_looks(drive: Any) -> None:
     drive.window.take_theme("dark")
     dark = drive.window.live.plot._plots[0].backgroundBrush().color().lightness()
     drive.window.take_theme("light")
@@ -350,7 +256,7 @@ def test_two_looks(drive: Driver) -> None:
     assert light > 200
 
 
-def test_a_program_killed_with_its_guards_leaves_the_arm_to_the_person_who_is_told(drive: Driver) -> None:
+def test_a_program_killed_with_its_guards_leaves_the_arm_to_the_person_who_is_told(drive: Any) -> None:
     window = drive.window
     drive.load("alone", hold=30.0)
     drive.start()

@@ -141,9 +141,9 @@ def law_options(account: Account) -> list[Option]:
         pick = [*range(TISSUE_SIZE + present), TISSUE_SIZE + present + k]
         coefficient = float(solve(total, grams.ridge, pick)[0][-1])
         # as of a law that was refitted: a size is known to about itself, whatever the scale of these recordings
-        known = grams.ridge.copy()
-        known[pick[-1]] = 1.0 / max(coefficient**2, 1e-24)
-        after = predictive_deviance(replace(grams, ridge=known), [*range(present), present + k])
+        ridge = grams.ridge.copy()
+        ridge[pick[-1]] = 1.0 / max(coefficient**2, 1e-24)
+        after = predictive_deviance(replace(grams, ridge=ridge), [*range(present), present + k])
         gain = 0.5 * float((before - after).sum())
         if template.mechanism.one_sided and coefficient <= 0:
             gain = 0.0

@@ -173,7 +173,12 @@ def _law_refit(
 
 
 def own_options(account: Account) -> list[Option]:
-    """Return the events and the oscillation that might be added."""
+    """Return the events and the oscillation that might be added.
+
+    They are told from a law by coming in each trial anew: one or two trials can't show that.
+    """
+    if len(account.fit.trials) < FEWEST_HELD_OUT:
+        return []
     options = [
         Option(scan.event.name, scan.evidence, ENOUGH_OWN, _event_refit(account, scan))
         for scan in scan_events(account.fit)

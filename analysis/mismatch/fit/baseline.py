@@ -98,9 +98,11 @@ def noise_of(fit: StudyFit) -> NoiseModel:
     noise = measure_noise(stretches, rates[0])
     if len(fit.trials) >= FEWEST:
         return noise
-    # one or two trials can't tell slow noise from what a law leaves over: all of it is weighed as if it were white
+    # one or two trials can't tell slow noise from what a law leaves over: all of it is weighed as if it were white,
+    # and no smaller than the residual itself, or what is quiet at rest would make a law's own inexactness infinite
     slow = 2.0 * rates[0] * sum(variance * time_s for variance, time_s in noise.parts)
-    return NoiseModel(float(np.sqrt(noise.white_mn**2 + slow)))
+    left = np.concatenate([fit.full_residual_mn(j) for j in range(len(fit.trials))])
+    return NoiseModel(float(max(np.sqrt(noise.white_mn**2 + slow), np.sqrt(np.mean(left**2)))))
 
 
 def reweighed(fit: StudyFit) -> StudyFit:

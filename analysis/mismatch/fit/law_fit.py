@@ -18,6 +18,8 @@ FloatArray = NDArray[np.float64]
 
 DELAY_SAMPLES = 1.0
 """How well two channels are at one, samples: a sample or so of skew is no lag of the sensor."""
+MOST_DELAY_SAMPLES = 3.0
+"""More of it is none of two converters, however much the recordings ask for it: an inertia looks like a delay."""
 STEP = 1e-3
 ROUNDS = 10
 DONE = 0.3
@@ -79,7 +81,8 @@ def at_vector(shared: Shared, values: FloatArray) -> Shared:
         for p in law.parameters:
             shared = with_value(shared, at, p, float(values[k]))
             k += 1
-    return replace(shared, delay_samples=float(values[k]))
+    delay_samples = float(np.clip(values[k], -MOST_DELAY_SAMPLES, MOST_DELAY_SAMPLES))
+    return replace(shared, delay_samples=delay_samples)
 
 
 def law_prior(laws: Sequence[Law]) -> tuple[FloatArray, FloatArray]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis.mismatch.evidence.account import Account
-from analysis.mismatch.evidence.heldout import predictive_deviance
+from analysis.mismatch.evidence.heldout import FEWEST_HELD_OUT, predictive_deviance
 from analysis.mismatch.fit.gram import gram, solve
 from analysis.mismatch.fit.law_fit import fit_laws
 from analysis.mismatch.fit.settled import settled_columns
@@ -29,7 +29,7 @@ from analysis.mismatch.name.oscillations import OscillationScan, scan_oscillatio
 NAMELESS = "oscillation"
 """An oscillation in no band of the library."""
 TIMES_LOOKED_AT = 70
-FIRST_ROUNDS = 3
+FIRST_ROUNDS = 5
 
 
 @dataclass(frozen=True)
@@ -127,18 +127,24 @@ def law_options(account: Account) -> list[Option]:
     """Return the laws that might be added, weighed beside what the present laws may leave over."""
     fit = account.fit
     wanted = templates(fit.trials, account.names)
-    known, precision = replace(account, inexact=account.inexact or INEXACT).columns
+    # of fewer trials none can say how exact a law is
+    inexact = account.inexact or (INEXACT if len(fit.trials) >= FEWEST_HELD_OUT else 0.0)
+    known, precision = replace(account, inexact=inexact).columns
     added = [settled_columns(fit, j, wanted) for j in range(len(fit.trials))]
     columns = [np.column_stack(both) for both in zip(known, added, strict=True)]
     present = len(precision)
-    grams = gram(fit, columns, np.append(precision, np.ones(len(wanted))))
+    grams = gram(fit, columns, np.append(precision, np.zeros(len(wanted))))
     before = predictive_deviance(grams, range(present))
     total = grams.total()
     best: dict[str, list[tuple[float, int, float]]] = {}
     for k, template in enumerate(wanted):
         pick = [*range(TISSUE_SIZE + present), TISSUE_SIZE + present + k]
         coefficient = float(solve(total, grams.ridge, pick)[0][-1])
-        gain = 0.5 * float((before - predictive_deviance(grams, [*range(present), present + k])).sum())
+        # as of a law that was refitted: a size is known to about itself, whatever the scale of these recordings
+        ridge = grams.ridge.copy()
+        ridge[pick[-1]] = 1.0 / max(coefficient**2, 1e-24)
+        after = predictive_deviance(replace(grams, ridge=ridge), [*range(present), present + k])
+        gain = 0.5 * float((before - after).sum())
         if template.mechanism.one_sided and coefficient <= 0:
             gain = 0.0
         best.setdefault(template.name, []).append((gain, k, coefficient))
@@ -167,7 +173,12 @@ def _law_refit(
 
 
 def own_options(account: Account) -> list[Option]:
-    """Return the events and the oscillation that might be added."""
+    """Return the events and the oscillation that might be added.
+
+    They are told from a law by coming in each trial anew: one or two trials can't show that.
+    """
+    if len(account.fit.trials) < FEWEST_HELD_OUT:
+        return []
     options = [
         Option(scan.event.name, scan.evidence, ENOUGH_OWN, _event_refit(account, scan))
         for scan in scan_events(account.fit)

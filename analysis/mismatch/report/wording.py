@@ -118,15 +118,15 @@ def hidden(absorbed: Absorbed) -> str:
 
 
 def _shift(name: str, percent_linear: float) -> str:
-    percent = 100.0 * float(np.expm1(np.clip(percent_linear / 100.0, -3.0, 3.0)))
+    change = float(np.expm1(np.clip(percent_linear / 100.0, -3.0, 3.0)))
     word = (
-        ("stiffer" if percent > 0 else "softer")
+        ("stiffer" if change > 0 else "softer")
         if name.startswith("k")
         else "longer"
-        if percent > 0
+        if change > 0
         else "shorter"
     )
-    return f"{TISSUE_WORDS.get(name, name)} look {abs(percent):.2g} % {word}"
+    return f"{TISSUE_WORDS.get(name, name)} look {change_in_percent(abs(change)).lstrip('+')} {word}"
 
 
 def place(window: Window) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.util
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -20,6 +20,21 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 def pytest_addoption(parser: pytest.Parser) -> None:
     """`pytest --rig RIG.toml`: the hardware's contract test on that rig instead of the simulated one."""
     parser.addoption("--rig", type=Path, default=None, help="rig file of a real card, nothing below the arm")
+
+
+@pytest.fixture
+def full_pipe() -> Iterator[tuple[int, int]]:
+    """A pipe's ends to read and to write, full: it takes nothing, as a terminal held by Ctrl-S."""
+    reads, writes = os.pipe()
+    os.set_blocking(writes, False)
+    try:
+        while True:
+            os.write(writes, bytes(4096))
+    except BlockingIOError:
+        os.set_blocking(writes, True)
+    yield reads, writes
+    os.close(reads)
+    os.close(writes)
 
 
 @pytest.fixture(scope="session")

@@ -59,16 +59,14 @@ def diagnose(intake: Intake, *, baseline: str = "ramp", seed: int = 0) -> Diagno
     # confirm on trials that were not fitted, and look at what is left
     nothing = Account(fit)
     remainder = remainder_of(named.account if named.account.names else nothing, nothing)
+    bursts = find_transients(nothing.fit) if named.account.names else remainder.bursts
     return Diagnosis(
         intake=intake,
         baseline=before,
         named=named,
         findings=found,
         lines=lines,
-        located=(
-            *locate(before.fit, rng, all_of_them=bool(found)),
-            *where_bursts(find_transients(nothing.fit)),
-        ),
+        located=(*locate(before.fit, rng, all_of_them=bool(found)), *where_bursts(bursts)),
         left=(*locate(named.account.fit, rng), *where_bursts(remainder.bursts)),
         remainder=remainder,
         absorbed=find_absorbed(named.account.fit),

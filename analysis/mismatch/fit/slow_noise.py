@@ -58,17 +58,17 @@ def restricted_deviance(fit: StudyFit, noise: NoiseModel) -> float:
     return deviance - float(b @ np.linalg.lstsq(A, b, rcond=None)[0])
 
 
-def with_slow_noise(fit: StudyFit, near: NoiseModel | None = None) -> StudyFit:
+def with_slow_noise(fit: StudyFit, near: NoiseModel) -> StudyFit:
     """Return the fit with as much slow noise, of one power law, as the trials themselves make most likely.
 
-    It is looked for about that of the noise ``near``, or from none upwards.
+    It is looked for about that of the noise ``near``, or from none upwards where that has none.
     A wander slower than a hold can't be seen in a residual from which a tissue was fitted.
     """
     if len(fit.trials) < FEWEST:
         return fit
     fast = fit.noise
     best, smallest = fast, restricted_deviance(fit, fast) - NOTHING_GAINED
-    slow = [part for part in near.parts if part[1] >= FASTEST_SLOW_S] if near else []
+    slow = [part for part in near.parts if part[1] >= FASTEST_SLOW_S]
     start_mn = max(change_in_a_second(slow), SMALLEST * fast.white_mn)
     for exponent in EXPONENTS:
         for noise, deviance in _descent(fit, fast, exponent, start_mn):

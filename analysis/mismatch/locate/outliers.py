@@ -42,13 +42,14 @@ class Tails:
 
 def find_outliers(fit: StudyFit) -> Bursts:
     """Weigh single samples at rest in all trials; the largest is where they are."""
-    scattered = [deviations(fit.full_residual_mn(j), at_rest(fit, j)) for j in range(len(fit.trials))]
+    kept = [at_rest(fit, j) for j in range(len(fit.trials))]
+    scattered = [deviations(fit.full_residual_mn(j), rest) for j, rest in enumerate(kept)]
     whole = tails(np.concatenate([s.off for s in scattered]))
     if whole.evidence <= 0.0:
         return NO_BURSTS
     j = int(np.argmax([np.abs(s.off).max(initial=0.0) for s in scattered]))
     most = int(np.argmax(np.abs(scattered[j].off)))
-    at_s = float(np.flatnonzero(at_rest(fit, j))[most] / fit.trials[j].sample_rate_hz)
+    at_s = float(np.flatnonzero(kept[j])[most] / fit.trials[j].sample_rate_hz)
     rms_mn = whole.far_sd * float(np.median([s.sigma_mn for s in scattered]))
     return Bursts(whole.evidence, phase_at(fit.trials[j], at_s), at_s, rms_mn)
 

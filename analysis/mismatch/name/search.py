@@ -74,7 +74,7 @@ def search(account: Account) -> Named:
     return Named(account, {name: rivals[name] for name in account.names})
 
 
-def considered(account: Account, explained: float = 0.0) -> tuple[Rival, ...]:
+def considered(account: Account, explained: float) -> tuple[Rival, ...]:
     """Return the effects worth adding, refitted, best first; none where the best has not enough evidence.
 
     Present laws have ``explained`` so many nats. Right to a tenth they leave a hundredth of that, right to a third
@@ -90,15 +90,14 @@ def considered(account: Account, explained: float = 0.0) -> tuple[Rival, ...]:
         found_already = {o.name for o in options}
         options += [o for o in worth_trying(law_options(quick), least) if o.name not in found_already]
     options += worth_trying(own_options(quick), least)
-    found: dict[str, Rival] = {}
+    found: list[Rival] = []
     for option in options:
         refitted = option.refit().reweighed()
         gain, error = refitted.gain_over(account)
         # a gain below its error is one trial's, at the cost of others
         if gain >= max(option.enough, error, left_over(explained, refitted.inexact)):
-            rival = Rival(option.name, gain, error, refitted)
-            found[option.name] = max(rival, found.get(option.name, rival), key=lambda r: r.gain)
-    return tuple(sorted(found.values(), key=lambda r: -r.gain))
+            found.append(Rival(option.name, gain, error, refitted))
+    return tuple(sorted(found, key=lambda r: -r.gain))
 
 
 def left_over(explained: float, inexact: float = INEXACT) -> float:

@@ -180,9 +180,8 @@ def _residual(figure: Any, diagnosis: Diagnosis, report: Report) -> None:
                     axes.set_facecolor("#FFFBE0")
             if row == len(fits) - 1:
                 if phase in _SIGNED:
-                    axes.locator_params(
-                        axis="x", nbins=1, min_n_ticks=1
-                    )  # of a short travel the labels are long
+                    # of a short travel the labels are long
+                    axes.locator_params(axis="x", nbins=1, min_n_ticks=1)
                 axes.set_xlabel(
                     _SIGNED.get(phase, "share of it" if phase in ("ramp", "sweep") else "since start (s)")
                 )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
 import sys
@@ -22,15 +21,9 @@ with Interrupts() as interrupts:
 """
 
 
-def test_a_terminal_that_takes_nothing_does_not_hold_up_a_stop() -> None:
+def test_a_terminal_that_takes_nothing_does_not_hold_up_a_stop(full_pipe: tuple[int, int]) -> None:
     """Held by Ctrl-S, or a pipe that nobody empties."""
-    reads, writes = os.pipe()
-    os.set_blocking(writes, False)
-    try:
-        while True:
-            os.write(writes, bytes(4096))
-    except BlockingIOError:
-        os.set_blocking(writes, True)
+    _, writes = full_pipe
     process = subprocess.Popen(
         [sys.executable, "-c", WAITING], stdout=subprocess.PIPE, stderr=writes, text=True
     )
@@ -44,5 +37,3 @@ def test_a_terminal_that_takes_nothing_does_not_hold_up_a_stop() -> None:
     finally:
         process.kill()
         process.communicate()
-        os.close(reads)
-        os.close(writes)

@@ -17,19 +17,11 @@ def test_a_line_is_written_whole() -> None:
     os.close(writes)
 
 
-def test_a_terminal_that_takes_nothing_holds_nobody_up() -> None:
-    reads, writes = os.pipe()
-    os.set_blocking(writes, False)
-    try:
-        while True:
-            os.write(writes, bytes(4096))
-    except BlockingIOError:
-        os.set_blocking(writes, True)
+def test_a_terminal_that_takes_nothing_holds_nobody_up(full_pipe: tuple[int, int]) -> None:
+    reads, writes = full_pipe
     began_s = time.monotonic()
     tell_person(writes, "lift it by hand")
     assert time.monotonic() - began_s < 5.0
     said = b""
     while b"lift it by hand" not in said:
         said = said[-100:] + os.read(reads, 4096)  # it comes when there is room again
-    os.close(reads)
-    os.close(writes)

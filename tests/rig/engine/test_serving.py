@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 
 from analysis.recordings import read_trial
@@ -233,6 +234,31 @@ def save_measured(calibrations: Path) -> None:
     line = line_through(x, 2.043 * x)
     constants = {name: Constant(value, 1e-4, 4) for name, value in MEASURED.items()}
     save_calibration(calibrations, "position", constants, line, rig="", valid_days=30.0, about={})
+
+
+def test_that_the_card_is_gone_is_told_while_nothing_runs(folder: Path) -> None:
+    process = RunnerProcess(folder / "rig.toml", folder / "bench.log")
+    wait_for(process, lambda s: s.state is State.IDLE and s.bench is not None)
+    cards = [
+        child
+        for child in psutil.Process(process.pid).children(recursive=True)
+        if "sim_hardware" in child.cmdline()
+    ]
+    assert len(cards) == 1
+    assert process.snapshot is not None
+    assert process.snapshot.trouble == ""
+    cards[0].kill()
+    told = ""
+    until = time.monotonic() + 60
+    while not told:
+        # as the loss is met: the bench says so and tries again, or ends because it can't move the arm either
+        now = process.poll()
+        told = now.trouble if now is not None else ""
+        told = told or (process.last_words() if process.exit_code is not None else "")
+        assert time.monotonic() < until, "nothing is said of it"
+        time.sleep(0.005)
+    assert "Dev1" in told
+    process.close(60.0)
 
 
 def test_a_rig_that_does_not_open_says_why(folder: Path) -> None:

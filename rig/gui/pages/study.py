@@ -25,6 +25,7 @@ from rig.gui.discard_bar import DiscardBar
 from rig.gui.fit_panel import FitPanel
 from rig.gui.habits import Habits
 from rig.gui.jobs.headers import Header, list_folder, read_headers
+from rig.gui.numbers import counted
 from rig.gui.study_table import QUALITY, StudyRow, StudyTable
 from rig.gui.theme import Theme
 from rig.gui.worker import Worker
@@ -38,10 +39,11 @@ class StudyPage(QWidget):
     """Shows one protocol and its folder.
 
     `discard_asked` (file, reason), `repeat_asked` (planned trial's name) and `restore_asked` (file) are for
-    the window, which knows whether a run is in progress.
+    the window, which knows whether a run is in progress. `failed` says why a protocol can't be shown.
     """
 
     said = Signal(str)
+    failed = Signal(str)
     discard_asked = Signal(Path, str)
     restore_asked = Signal(Path)
     repeat_asked = Signal(str)
@@ -84,7 +86,7 @@ class StudyPage(QWidget):
         try:
             loaded = load_run(protocol, self._rig, out)
         except (BadInputError, OSError) as error:
-            self.said.emit(" ".join(str(error).split()))
+            self.failed.emit(" ".join(str(error).split()))
             return False
         self.protocol, self.out, self.plan = protocol.absolute(), out.absolute(), loaded.plan
         self._habits.used_protocol(self.protocol)
@@ -92,7 +94,11 @@ class StudyPage(QWidget):
         self._seen.clear()
         self.table.load(loaded.plan.trials)
         self.fit_panel.clear()
-        say(self._title, f"{protocol.stem}: {loaded.plan.title}, {len(loaded.plan.trials)} trials", "heading")
+        say(
+            self._title,
+            f"{protocol.stem}: {loaded.plan.title}, {counted(len(loaded.plan.trials), 'trial')}",
+            "heading",
+        )
         self._say_folder()
         self.refresh()
         return True
@@ -111,6 +117,10 @@ class StudyPage(QWidget):
         if self.out is None or Path(s.out) != self.out:
             return
         self.table.take_snapshot(s)
+        if state.link == "died":
+            self.table.run_died()
+            self.refresh()
+            return
         place = self.table.place_of(s.trial)
         if state.running and place is not None and not self._bar.isVisible() and s.trial != self._shown_trial:
             self._shown_trial = s.trial

@@ -173,11 +173,10 @@ class LivePlot(QWidget):
 
     def _scale(self, i: int, values: np.ndarray[Any, Any]) -> None:
         """Let the axis hold the data: wider at once, narrower only when much of it is empty."""
-        if not self._auto or self.frozen or not len(values):
+        known = values[np.isfinite(values)]  # the rest is a gap
+        if not self._auto or self.frozen or not len(known):
             return
-        low, high = float(np.nanmin(values)), float(np.nanmax(values))
-        if not np.isfinite(low + high):
-            return
+        low, high = float(known.min()), float(known.max())
         least = _LEAST[i] * (0.02 if self.in_volts else 1.0)
         shown = self._ranges[i]
         needed = max(high - low, least)

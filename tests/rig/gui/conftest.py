@@ -206,8 +206,7 @@ def opened(folder: Path, qapp: Any) -> Iterator[tuple[Any, Any]]:
     window = driver.make_window(folder, question)
     window.connect_rig(folder / "rig.toml")
     yield window, question
-    question.answer = "Stop the run and close"
-    window.close()
+    window.close_now()
 
 
 @pytest.fixture

@@ -114,7 +114,8 @@ class StudyTable(QAbstractTableModel):
                 continue
             row, file = self.rows[place], str(folder / ended.file)
             if not ended.file and ended.outcome == "cut short":
-                self._change(name, state="to do")
+                if not row.done:
+                    self._change(name, state="to do")
                 continue
             # a good repeat stands, whatever is then said of an attempt before it
             if row.done and row.file != file and ended.outcome != "complete":

@@ -55,6 +55,7 @@ class StudyPage(QWidget):
         self._rig = RigFile()
         self._shown_trial = ""
         self._seen: set[Path] = set()
+        self._ran = False
         self.protocol: Path | None = None
         self.out: Path | None = None
         self.plan: Plan | None = None
@@ -117,10 +118,11 @@ class StudyPage(QWidget):
         if self.out is None or Path(s.out) != self.out:
             return
         self.table.take_snapshot(s)
+        ran, self._ran = self._ran, state.running
         if state.link == "died":
             self.table.run_died()
-            self.refresh()
-            return
+        if ran and not state.running:
+            self.refresh()  # of a trial's attempts the best one counts, which the files tell
         place = self.table.place_of(s.trial)
         if state.running and place is not None and not self._bar.isVisible() and s.trial != self._shown_trial:
             self._shown_trial = s.trial

@@ -126,6 +126,10 @@ def test_a_trial_that_ended_before_it_had_a_file_is_still_to_do(table: StudyTabl
     ended = (Ended(FIRST, "", "cut short", "stopped by the operator"),)
     table.take_snapshot(Snapshot("study", State.IDLE, FIRST, out="/s", ended=ended))
     assert (table.rows[0].state, table.rows[0].file) == ("to do", "")
+    good = (*ended, Ended(FIRST, f"{FIRST}.h5", "complete"))
+    table.take_snapshot(Snapshot("study", State.IDLE, out="/s", ended=good))
+    table.take_snapshot(Snapshot("study", State.IDLE, out="/s", ended=(*good, Ended(FIRST, "", "cut short"))))
+    assert states(table)[0] == "complete", "a repeat that never began takes nothing from a good one"
 
 
 def test_what_was_under_way_in_a_program_that_died_is_so_no_longer(table: StudyTable) -> None:

@@ -183,5 +183,6 @@ def depth_missed(trial: Trial, window: FitWindow) -> Check:
         return Check("depth_missed", 0.0, np.inf, "um", False, "the protocol names no depth")
     missed_um = 1e3 * (_travel_mm(window) - asked_mm)
     limit = 1e3 * _DEPTH_SHARE * asked_mm
-    text = f"the ramp went {missed_um:.3g} um beyond the protocol's depth"
+    side = "beyond" if missed_um > 0 else "short of"
+    text = f"the ramp ended {abs(missed_um):.3g} um {side} the protocol's depth"
     return Check("depth_missed", missed_um, limit, "um", abs(missed_um) > limit, text)

@@ -138,15 +138,18 @@ def force_constants(
 ) -> ForceResult:
     """Return the constants of force from W + m g / 2 = (V + V0) k, solved as V over W.
 
-    `hung` are masses, g, with the trial recorded under each; repeats of a mass are one point of the line.
+    `hung` are masses, g, with the trial recorded under each; repeats of a weight (the trial's site names it, and
+    a balance says something else of it every time) are one point of the line.
     An arm that is out of level by an angle t shows cos(t) of a weight. With t anywhere within
     +-`level_within_deg` (a, in radians) the shown share is 1 - a^2/6 on average, with a standard deviation of
     a^2 / sqrt(45), which no repeat can show: the first divides the slope, the second adds to its error.
     The zero is that of the free arm upright, as trials find it; the arm's mass m follows from the two zeros.
     """
-    masses_g = sorted({mass_g for mass_g, _ in hung})
-    volts = [float(np.mean([_mean_v(trial) for m, trial in hung if m == mass_g])) for mass_g in masses_g]
-    line = line_through([mass_g * gravity_m_s2 for mass_g in masses_g], volts)
+    weights: dict[str, list[tuple[float, float]]] = {}
+    for mass_g, trial in hung:
+        weights.setdefault(trial.specimen.site, []).append((mass_g, _mean_v(trial)))
+    means = np.array(sorted(tuple(np.mean(repeats, axis=0)) for repeats in weights.values()))
+    line = line_through(means[:, 0] * gravity_m_s2, means[:, 1])
     out_of_level = math.radians(level_within_deg) ** 2
     slope = line.slope / (1 - out_of_level / 6)
     se = math.hypot(line.slope_se, abs(slope) * out_of_level / math.sqrt(45))

@@ -43,6 +43,7 @@ class LiveView:
 
     `began` is told when samples begin to come, `follow` gets them. A knock against the resting arm that
     passes a limit is no fault: the arm is sent to the safe position, where it is, and looked at again.
+    `trouble` says why nothing can be read now, and is empty where something was.
     """
 
     def __init__(self, lever: Lever, began: Callable[[], None], follow: Callable[[Chunk], None]) -> None:
@@ -52,6 +53,7 @@ class LiveView:
         self._since: float | None = None
         self._taken = 0
         self._not_before = 0.0
+        self.trouble = ""
 
     def look(self) -> None:
         """Read what has come. Raises RetreatFailedError where the arm does not answer any more."""
@@ -84,6 +86,7 @@ class LiveView:
             self._fault(error)
         else:
             self._taken += n
+            self.trouble = ""
             self._follow(chunk)
 
     def end(self) -> None:
@@ -101,6 +104,7 @@ class LiveView:
 
     def _fault(self, error: HardwareError) -> None:
         _log.warning("the arm at rest: %s", error)
+        self.trouble = " ".join(str(error).split())
         self._not_before = time.monotonic() + _AFTER_FAULT_S
         if self._since is not None:
             self._since = None

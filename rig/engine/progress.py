@@ -80,7 +80,8 @@ class Snapshot:
 
     `number` counts the snapshots of a bench; `file` is the one being written; `surface_mm` and
     `overshoot_um` are what the last approach found; `ended` holds the last trials and what became of them;
-    `error` is what ended the last run; `doubt` is what is to be accepted before one begins.
+    `error` is what ended the last run; `trouble` is why the arm at rest can't be read; `doubt` is what is to
+    be accepted before one begins.
     """
 
     title: str
@@ -103,6 +104,7 @@ class Snapshot:
     pausing: bool = False
     prompt: Prompt | None = None
     error: str = ""
+    trouble: str = ""
     doubt: Doubt | None = None
     ended: tuple[Ended, ...] = ()
     calibration: CalibrationShown | None = None

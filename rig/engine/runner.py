@@ -154,7 +154,7 @@ class Runner:
             raise
         finally:
             self._interrupts.forget_cut()
-            self._telling.ended(Ended(task.trial.name, task.path.name, outcome, reason))
+            self._telling.ended(Ended.of(task, outcome, reason))
         shown = None if recorded is None else self._tell_recorded(recorded)
         if shown is not None:
             self._telling.change(calibration=shown)

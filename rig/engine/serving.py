@@ -86,6 +86,8 @@ class Session:
                     order = self._orders.get(timeout=_LOOK_S)
                 except Empty:
                     self._live.look()
+                    if self._live.trouble != self._snapshot.trouble:
+                        self._show(replace(self._snapshot, trouble=self._live.trouble))
                     continue
                 self._live.end()
                 self._do(order)

@@ -29,9 +29,17 @@ class Recorded:
 
 @dataclass(frozen=True, slots=True)
 class Ended:
-    """What became of one trial: its name in the plan, its file's name, and why, where it is not complete."""
+    """What became of one trial: its name in the plan, its file's name, and why, where it is not complete.
+
+    `file` is empty where the trial ended before one was begun.
+    """
 
     trial: str
     file: str
     outcome: Outcome
     reason: str = ""
+
+    @classmethod
+    def of(cls, task: Task, outcome: Outcome, reason: str) -> Ended:
+        """Return what became of a task, with its file where there is one."""
+        return cls(task.trial.name, task.path.name if task.path.exists() else "", outcome, reason)

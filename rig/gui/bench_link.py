@@ -15,6 +15,7 @@ from rig.engine.ring import Mark
 from rig.engine.states import State
 from rig.gui.bench_state import AT_REST, BenchState
 from rig.gui.bins import Bins
+from rig.gui.news import news
 from rig.gui.runner_process import START_S, RunnerProcess
 from rig.gui.simulated import rig_for_the_window
 from rig.hardware.processes import runs
@@ -206,19 +207,10 @@ class BenchLink(QObject):
         """Say in the log what has become different."""
         if now.state is not before.state:
             self._tell_state(now)
-        if now.prompt is not None and (before.prompt is None or before.prompt.id != now.prompt.id):
-            self.said.emit(f"the bench asks: {now.prompt.words}", "note")
-        if len(now.ended) and now.ended[-1] != (before.ended[-1] if before.ended else None):
-            last = now.ended[-1]
-            kind = "good" if last.outcome == "complete" else "note"
-            self.said.emit(f"{last.file}: {last.outcome} {last.reason}".rstrip(), kind)
+        for line, kind in news(before, now):
+            self.said.emit(line, kind)
         if now.doubt is not None and now.doubt != before.doubt:
-            self.said.emit(f"not begun yet: {now.doubt.words}", "note")
             self.doubted.emit(now.doubt.words)
-        if now.error and now.error != before.error:
-            self.said.emit(now.error, "bad")
-        if now.n_lost > before.n_lost:
-            self.said.emit(f"{now.n_lost - before.n_lost} samples lost", "bad")
 
     def _tell_state(self, now: Snapshot) -> None:
         if self._aborted_at is not None and now.state in AT_REST | {State.LEAVING}:
@@ -227,10 +219,10 @@ class BenchLink(QObject):
                 self.said.emit(f"abort: the arm is leaving the skin ({took_ms:.0f} ms after the key)", "note")
             else:
                 self._aborted_at = None
+                cut = [ended.file for ended in now.ended[-1:] if ended.outcome == "cut short"]
+                kept = f"{cut[0]} is kept as aborted" if any(cut) else "no trial was being recorded"
                 self.said.emit(
-                    f"abort: done, the arm rests at the safe position; {now.trial or 'the run'} is kept as "
-                    f"aborted ({took_ms:.0f} ms)",
-                    "done",
+                    f"abort: done, the arm rests at the safe position; {kept} ({took_ms:.0f} ms)", "done"
                 )
         elif now.state in {State.FINISHED, State.STOPPED, State.FAILED}:
             self.said.emit(f"{now.title}: {now.state} {now.message}".rstrip(), "")
@@ -262,7 +254,9 @@ class BenchLink(QObject):
         self._process = None
         self._asked.clear()
         doing = f" while {was.snapshot.state}" if was.running else ""
-        said = f"the rig's program has ended{doing} (exit code {process.exit_code}): {why}"
+        said = f"the rig's program has ended{doing}: {why}"
+        if was.link == "opening":
+            said = f"{was.rig} could not be opened: {why}"
         self._tell(
             BenchState(link="died", rig=was.rig, snapshot=replace(was.snapshot, prompt=None), trouble=said)
         )
@@ -273,7 +267,8 @@ class BenchLink(QObject):
                 arm = "the guard takes the arm clear"
             else:
                 arm = "NO GUARD IS LEFT: LIFT THE ARM BY HAND, then run `indenter safe`"
-            self.said.emit(f"{arm}; the trial under way is kept: rescue brings it back", "bad")
+            kept = f"; {was.snapshot.file} is kept: `indenter rescue` brings it back"
+            self.said.emit(f"{arm}{kept if was.snapshot.file else ''}", "bad")
 
     def _reap(self) -> None:
         for process in list(self._left):

@@ -33,7 +33,8 @@ class BenchState:
     @property
     def ready(self) -> bool:
         """Whether a run can be started."""
-        return self.link == "open" and self.snapshot.state in AT_REST and "run" not in self.asked
+        at_rest = self.link == "open" and self.snapshot.state in AT_REST
+        return at_rest and "run" not in self.asked and not self.snapshot.trouble
 
     @property
     def simulated(self) -> bool:
@@ -48,8 +49,10 @@ class BenchState:
                 "closed": "no rig connected",
                 "opening": "connecting ...",
                 "silent": "the rig does not answer",
-                "died": "the rig's program has died",
+                "died": "the rig's program has died" if self.snapshot.bench else "the rig did not open",
             }[self.link]
+        if self.snapshot.trouble and not self.running:
+            return "the arm can't be read"
         if self.snapshot.state is State.IDLE:
             return "ready"
         if self.snapshot.pausing and self.snapshot.state is not State.PAUSED:

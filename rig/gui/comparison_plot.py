@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QCheckBox, QHBoxLayout, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QCheckBox, QComboBox, QHBoxLayout, QVBoxLayout, QWidget
 
 from rig.gui.controls import choice, say, words
 from rig.gui.jobs.comparing import Comparison, Offer
 from rig.gui.jobs.report_file import Window
-from rig.gui.theme import LIGHT, Theme, restyle_plot
+from rig.gui.theme import LIGHT, Theme, legend_below, restyle_plot
 
 _EMPTY = "A trial appears here beside its simulation when a diagnosis is open."
 _CLOSE_UP_S = 0.3
@@ -37,6 +37,9 @@ class ComparisonPlot(QWidget):
         self._paths: tuple[str, ...] = ()
         self._offer = Offer((), {})
         self._which = choice("which trial", (), "", lambda _: self._ask())
+        # a trial's name is as long as its study liked: the tool tip holds the whole
+        self._which.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+        self._which.setMinimumContentsLength(16)
         self._after_box = QCheckBox("show what the simulation with the missing physics leaves")
         self._after_box.setChecked(True)
         self._after_box.toggled.connect(lambda _: self._draw())
@@ -48,8 +51,8 @@ class ComparisonPlot(QWidget):
             plot.hideButtons()
             plot.getAxis("left").setWidth(56)
         self.force.setLabel("left", "force (mN)")
-        self.force.getPlotItem().addLegend(offset=(-8, 8))
-        self.residual.setLabel("left", "recorded − simulated (mN)")
+        legend_below(self.force)
+        self.residual.setLabel("left", "left (mN)")
         self.residual.setLabel("bottom", "time from the trial's first sample (s)")
         self.residual.setXLink(self.force)
         self._recorded = self.force.plot(name="recorded")
@@ -128,6 +131,7 @@ class ComparisonPlot(QWidget):
     def _ask(self) -> None:
         at = self._which.currentIndex()
         if 0 <= at < len(self._paths):
+            self._which.setToolTip(f"which trial\n{self._paths[at]}")
             say(self._note, "simulating ...", "faint")
             self.trial_asked.emit(self._paths[at])
 

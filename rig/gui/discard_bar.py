@@ -5,7 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QPushButton, QWidget
+from PySide6.QtWidgets import QComboBox, QHBoxLayout, QPushButton, QSizePolicy, QWidget
+
+from rig.gui.shortened import ShortenedLabel
 
 REASONS = ("the finger moved", "the finger slipped", "wrong place", "bad contact", "talked or laughed")
 
@@ -19,7 +21,7 @@ class DiscardBar(QWidget):
     def __init__(self) -> None:
         super().__init__()
         self._file = Path()
-        self._label = QLabel()
+        self._label = ShortenedLabel()
         self.reason = QComboBox()
         self.reason.setEditable(True)
         self.reason.addItems(list(REASONS))
@@ -35,8 +37,10 @@ class DiscardBar(QWidget):
         self.field.returnPressed.connect(self._confirm)
         layout = QHBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
-        layout.addWidget(self._label)
-        layout.addWidget(self.reason, 1)
+        # one's own reason may be longer than all that are offered: it scrolls in its field
+        self.reason.setSizePolicy(QSizePolicy.Policy.Preferred, QSizePolicy.Policy.Fixed)
+        layout.addWidget(self._label, 1)
+        layout.addWidget(self.reason)
         layout.addWidget(discard)
         layout.addWidget(leave)
         self.hide()

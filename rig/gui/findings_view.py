@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
-from PySide6.QtCore import Qt, Signal
+from PySide6.QtCore import QSize, Qt, Signal
 from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QScrollArea, QVBoxLayout, QWidget
 
 from rig.gui.controls import button, words
 from rig.gui.jobs.report_file import DiagnosisFolder, Mechanism, Quantity, Report, Window
-from rig.gui.numbers import with_error
+from rig.gui.numbers import counted, with_error
 
 _VERDICTS = {
     "no_mismatch": ("The simulation explains the recordings", "good"),
@@ -50,6 +50,13 @@ class FindingsView(QScrollArea):
         self.setAccessibleName("what the diagnosis found")
         self.show_nothing()
 
+    def minimumSizeHint(self) -> QSize:  # noqa: N802
+        """Room for the widest line that can't be broken: there is no way to scroll across."""
+        inside: QWidget | None = self.widget()
+        needed = 0 if inside is None else inside.minimumSizeHint().width()
+        beside = self.verticalScrollBar().sizeHint().width() + 2 * self.frameWidth()
+        return super().minimumSizeHint().expandedTo(QSize(needed + beside, 0))
+
     def show_nothing(self, text: str = _EMPTY, role: str = "faint") -> None:
         """Say what to do, or what went wrong."""
         self._column = self._fresh()
@@ -71,6 +78,7 @@ class FindingsView(QScrollArea):
         self._windows(report)
         self._before_and_after(report)
         self._hidden(report)
+        self._said_besides(report)
         self._column.addStretch(1)
 
     def _fresh(self) -> QVBoxLayout:
@@ -160,8 +168,8 @@ class FindingsView(QScrollArea):
                 grid.addWidget(_bold(text) if i == 0 else QLabel(text), i, j)
         self._column.addWidget(table)
         if held.noise_floor_mn is not None:
-            text = f"predicting {held.n_trials} trials that were not fitted; noise {held.noise_floor_mn:.3f} mN rms"
-            self._column.addWidget(words(text, "faint"))
+            text = f"predicting {counted(held.n_trials, 'trial')} that took no part in the fit; "
+            self._column.addWidget(words(f"{text}noise {held.noise_floor_mn:.3f} mN rms", "faint"))
 
     def _hidden(self, report: Report) -> None:
         if not report.not_identifiable:
@@ -170,6 +178,13 @@ class FindingsView(QScrollArea):
         for one in report.not_identifiable:
             way = f" To see it: {one.separated_by.replace('_', ' ')}." if one.separated_by else ""
             self._column.addWidget(words(f"{_spoken(one.name)}: {one.reason}.{way}", "faint"))
+
+    def _said_besides(self, report: Report) -> None:
+        for title, lines in (("Trials left out", report.left_out), ("To be kept in mind", report.notes)):
+            if lines:
+                self._heading(title)
+            for line in lines:
+                self._column.addWidget(words(line, "note"))
 
     def _heading(self, text: str) -> None:
         self._column.addSpacing(4)

@@ -24,7 +24,7 @@ from rig.gui.controls import say, words
 from rig.gui.habits import Habits
 from rig.gui.jobs.fitting import FitPicture, fit_rows, picture_fit
 from rig.gui.numbers import with_error
-from rig.gui.theme import LIGHT, Theme, restyle_plot
+from rig.gui.theme import LIGHT, Theme, legend_below, restyle_plot
 from rig.gui.worker import Worker
 
 _BINS = 500
@@ -146,7 +146,7 @@ class FitPanel(QWidget):
             plot.hideButtons()
             plot.getAxis("left").setWidth(52)
         self._force.setLabel("left", "force (mN)")
-        self._force.getPlotItem().addLegend(offset=(-8, 8))
+        legend_below(self._force)
         self._residual.setLabel("left", "left (mN)")
         self._residual.setLabel("bottom", "time from the end of the ramp (s)")
         self._residual.setXLink(self._force)

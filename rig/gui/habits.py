@@ -40,7 +40,7 @@ class Habits:
 
     @rig.setter
     def rig(self, path: Path | None) -> None:
-        self._put("rig", "" if path is None else str(path))
+        self._put("rig", "" if path is None else str(path.absolute()))
 
     @property
     def recent_protocols(self) -> tuple[Path, ...]:

@@ -98,7 +98,8 @@ class Header(QFrame):
         self._rig.setToolTip(rig)
         self._doing.setText(state.words)
         place = Path(s.out).name if s.out else ""
-        self._file.setText(f"writing {place}/{s.file}" if s.file else "no file is being written")
+        written = s.file and state.link in {"open", "silent"}
+        self._file.setText(f"writing {place}/{s.file}" if written else "no file is being written")
         self._lost.setText(f"lost {s.n_lost}" if state.link in {"open", "silent"} else "")
         self._colour()
 
@@ -126,7 +127,7 @@ class Header(QFrame):
         self._rig.setStyleSheet(
             f"background: {ground}; color: {text}; font-weight: bold; padding: 8px 10px; border-radius: 3px;"
         )
-        wrong = self._state.link in {"silent", "died"}
+        wrong = self._state.link in {"silent", "died"} or bool(self._state.snapshot.trouble)
         self._doing.setStyleSheet(f"font-size: 14pt; font-weight: bold; color: {t.bad if wrong else t.text};")
         lost = self._state.snapshot.n_lost > 0
         self._lost.setStyleSheet(f"color: {t.bad}; font-weight: bold;" if lost else "")

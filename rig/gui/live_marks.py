@@ -83,6 +83,7 @@ class LimitLines:
 
     def __init__(self, position: Any, force: Any) -> None:
         self._made: dict[str, Any] = {}
+        self._meant: dict[str, bool] = {}
         for plot, names in (
             (position, ("travel limit", "travel limit ", "surface")),
             (force, ("force limit", "force limit ", "threshold")),
@@ -94,6 +95,7 @@ class LimitLines:
                 line.hide()
                 plot.addItem(line, ignoreBounds=True)
                 self._made[name] = line
+            plot.getViewBox().sigYRangeChanged.connect(self._hide_what_is_out_of_view)
 
     def show(self, state: BenchState, *, in_volts: bool) -> None:
         """Put the lines where the bench has them; over volts there are none."""
@@ -108,9 +110,17 @@ class LimitLines:
         }
         for name, value in values.items():
             line = self._made[name]
-            line.setVisible(value is not None and not in_volts)
+            self._meant[name] = value is not None and not in_volts
             if value is not None and line.value() != value:
                 line.setValue(value)
+        self._hide_what_is_out_of_view()
+
+    def _hide_what_is_out_of_view(self, *_: object) -> None:
+        """A line just below the view would leave the upper half of its name in it."""
+        for name, line in self._made.items():
+            view = line.getViewBox()
+            low, high = view.viewRange()[1] if view is not None else (0.0, 0.0)
+            line.setVisible(self._meant.get(name, False) and low <= line.value() <= high)
 
     def restyle(self, theme: Theme) -> None:
         """Take the theme's colours."""

@@ -22,6 +22,9 @@ FINE_S = 6.0
 
 _RING_S = 58.0
 _SHRINK_BELOW = 0.4
+_NAMES_SHARE = 0.09
+"""Of the axis's height, kept free of the curve at the top, where the phases' names stand."""
+
 _LEAST = (0.05, 4.0)
 """The axes never show less than this, mm and mN: below it there is only noise."""
 
@@ -170,22 +173,23 @@ class LivePlot(QWidget):
 
     def _scale(self, i: int, values: np.ndarray[Any, Any]) -> None:
         """Let the axis hold the data: wider at once, narrower only when much of it is empty."""
-        if not self._auto or self.frozen or not len(values):
+        known = values[np.isfinite(values)]  # the rest is a gap
+        if not self._auto or self.frozen or not len(known):
             return
-        low, high = float(np.nanmin(values)), float(np.nanmax(values))
-        if not np.isfinite(low + high):
-            return
+        low, high = float(known.min()), float(known.max())
         least = _LEAST[i] * (0.02 if self.in_volts else 1.0)
         shown = self._ranges[i]
         needed = max(high - low, least)
-        if shown is not None and shown[0] <= low and high <= shown[1]:
-            if needed > _SHRINK_BELOW * (shown[1] - shown[0]):
+        height = 0.0 if shown is None else shown[1] - shown[0]
+        if shown is not None and shown[0] <= low and high <= shown[1] - _NAMES_SHARE * height:
+            if needed > _SHRINK_BELOW * height:
                 return
-            if shown[1] - shown[0] <= 1.5 * least:
+            if height <= 1.5 * least:
                 return
-        middle, half = (low + high) / 2, 0.6 * needed
-        self._ranges[i] = (middle - half, middle + half)
-        self._plots[i].setYRange(middle - half, middle + half, padding=0)
+        middle = (low + high) / 2
+        below, above = middle - 0.6 * needed, middle + 0.7 * needed
+        self._ranges[i] = (below, above)
+        self._plots[i].setYRange(below, above, padding=0)
 
     def _prepare(self, plot: Any, name: str) -> None:
         plot.setMenuEnabled(False)

@@ -12,6 +12,7 @@ from PySide6.QtWidgets import QComboBox, QHBoxLayout, QVBoxLayout, QWidget
 from rig.gui.controls import button, choice, say, words
 from rig.gui.habits import Habits
 from rig.gui.jobs.traces import ORIGINS, SCALES, SHOWN, Axes, Origin, Scale, Shown, Trace, read_traces
+from rig.gui.numbers import counted
 from rig.gui.theme import Theme
 from rig.gui.trial_plot import TrialPlot
 from rig.gui.worker import Worker
@@ -164,7 +165,7 @@ class Overlay(QWidget):
         if not self._chosen:
             say(self._words, _EMPTY, "faint")
             return
-        text = f"{len(self.plot.shown)} of {len(self._chosen)} trials drawn"
+        text = f"{len(self.plot.shown)} of {counted(len(self._chosen), 'trial')} drawn"
         if self._left_out:
             text += f"; {self._left_out} more are chosen, too many for one plot"
         if self._problems:

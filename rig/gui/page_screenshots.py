@@ -1,7 +1,8 @@
 """Pictures of the pages that need no bench: `python -m rig.gui.page_screenshots DIR --trials FOLDER`.
 
 The trials page overlaying and fitting the folder's trials, the protocol page with and without faults, the
-mismatch page with ``--diagnosis FOLDER``; each in both themes. For a 4K screen set QT_SCALE_FACTOR=2.
+mismatch page with ``--diagnosis FOLDER``; each in both themes. For a 4K screen set QT_SCALE_FACTOR=2 and
+--size 1830x990. Words that do not fit are told on stderr, and the exit code is then 1.
 """
 
 from __future__ import annotations
@@ -43,6 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     from PySide6.QtWidgets import QApplication
 
+    from rig.gui.cut_off import cut_off
     from rig.gui.habits import Habits
     from rig.gui.theme import THEMES, apply_theme
     from rig.gui.worker import Worker
@@ -51,6 +53,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     worker = Worker()
     width, height = (int(part) for part in given.size.split("x"))
     until = _Patience(app)
+    faults: list[str] = []
     for theme in THEMES.values():
         apply_theme(app, theme)
         habits = Habits(out / ".home" / f"window-{theme.name}-{os.getpid()}.json")
@@ -63,9 +66,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
             path = out / f"{name}-{theme.name}.png"
             until.passed(0.3)
             page.grab().save(str(path))
+            if (page.width(), page.height()) != (width, height):
+                faults.append(f"{path.stem}: the page has grown to {page.width()} x {page.height()}")
+            faults += [f"{path.stem}: {fault}" for fault in cut_off(page)]
             print(path, flush=True)
     worker.close()
-    return 0
+    for fault in faults:
+        print(fault, file=sys.stderr)
+    return 1 if faults else 0
 
 
 def _views(

@@ -107,6 +107,8 @@ class Readouts(QWidget):
         what = s.prompt.words if s.prompt is not None else s.message
         if state.trouble:
             say(self._what, state.trouble, "bad")
+        elif s.trouble and not state.running:
+            say(self._what, s.trouble, "bad")
         elif s.error and not state.running:
             say(self._what, s.error, "bad")
         else:

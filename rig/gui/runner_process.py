@@ -78,7 +78,12 @@ class RunnerProcess:
         return "" if self._follower is None else self._follower.request(do, **more)
 
     def last_words(self) -> str:
-        """Return the last line that the process wrote."""
+        """Return why the process has ended: what ended it, else the last line that it wrote."""
+        code = self.exit_code
+        if (
+            code is not None and code < 0
+        ):  # it had no time to say anything: what the log holds are others' words
+            return f"it was ended from outside (signal {-code}, {signal.strsignal(-code)})"
         with self._log.open("rb") as file:
             file.seek(self._log_start)
             lines = file.read().decode("utf-8", "replace").strip().splitlines()

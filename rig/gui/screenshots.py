@@ -119,6 +119,7 @@ class _Photographer:
         self._photograph("5-study-aborted-discard")
         window.shell.show_page("Log")
         self._photograph("6-log")
+        window.shell.clear()  # what the abort did has been seen
         self._calibrate()
         for i, name in enumerate(("Trials", "Protocol", "Mismatch"), start=11):
             if name in window.shell.pages:

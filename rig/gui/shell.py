@@ -64,7 +64,8 @@ class Shell(QWidget):
         self._dismiss.clicked.connect(self.clear)
         self._fading = QTimer(self)
         self._fading.setSingleShot(True)
-        self._fading.timeout.connect(self.clear)
+        self._fading.timeout.connect(self._fade)
+        self._stays: tuple[str, str] | None = None
         middle = QHBoxLayout()
         middle.setSpacing(0)
         middle.addWidget(rail)
@@ -118,26 +119,36 @@ class Shell(QWidget):
         self.pages[name].setFocus()
 
     def tell(self, line: str, kind: str) -> None:
-        """Show a message: failures (bad) and what an abort did (done) stay until they are put away."""
-        if self._status.property("kind") in _STAY and kind not in _STAY:
+        """Show a message: failures (bad) and what an abort did (done) stay until they are put away.
+
+        A note is shown over them for as long as any message, what just happened besides (good, "") is not.
+        """
+        if kind in _STAY:
+            self._stays = (line, kind)
+        elif self._stays is not None and kind != "note":
             return
-        self._status.setProperty("kind", kind)
+        self._write(line, kind)
+        if kind in _STAY:
+            self._fading.stop()
+        else:
+            self._fading.start(_SUCCESS_MS)
+
+    def _write(self, line: str, kind: str) -> None:
         self._status.setText(line)
         t = self._theme
         colour = {"good": t.good, "done": t.good, "note": t.note, "bad": t.bad}.get(kind, t.text)
         weight = "bold" if kind in _STAY else "normal"
         self._status.setStyleSheet(f"color: {colour}; font-weight: {weight};")
         self._dismiss.setVisible(kind in _STAY)
-        if kind in _STAY:
-            self._fading.stop()
-        else:
-            self._fading.start(_SUCCESS_MS)
 
     def clear(self) -> None:
-        """Put the message away."""
-        self._status.setText("")
-        self._status.setProperty("kind", "")
-        self._dismiss.hide()
+        """Put the message away, whatever it is."""
+        self._stays = None
+        self._write("", "")
+
+    def _fade(self) -> None:
+        """A message has been seen long enough; one that stays comes back."""
+        self._write(*(self._stays or ("", "")))
 
     def restyle(self, theme: Theme) -> None:
         """Take the theme's colours."""

@@ -17,7 +17,7 @@ from rig.engine.progress import Snapshot
 from rig.engine.states import State
 from rig.engine.tasks import Ended
 from rig.gui.bench_state import AT_REST
-from rig.gui.jobs.headers import Header
+from rig.gui.jobs.headers import BEING_WRITTEN, Header
 from rig.gui.theme import LIGHT, Theme
 from rig.protocols.steps import PlannedTrial
 
@@ -97,8 +97,11 @@ class StudyTable(QAbstractTableModel):
             if name in self._place and (name not in best or rank > best[name][0]):
                 best[name] = (rank, header)
         for name, (_, header) in best.items():
-            state = "discarded" if header.discarded else header.status or header.problem
-            self._change(name, state=state, file=header.path, quality=header.discarded)
+            row, state = self.rows[self._place[name]], _state_of(header)
+            known = (row.state, row.file) == (state, header.path)
+            said = header.problem if state == "unreadable" else header.discarded
+            quality = said or (row.quality if known else "")
+            self._change(name, state=state, file=header.path, quality=quality)
 
     def take_snapshot(self, snapshot: Snapshot) -> None:
         """Take what a run says that it has not said before: what has ended, and what is under way."""
@@ -110,12 +113,17 @@ class StudyTable(QAbstractTableModel):
             if place is None:
                 continue
             row, file = self.rows[place], str(folder / ended.file)
+            if not ended.file and ended.outcome == "cut short":
+                if not row.done:
+                    self._change(name, state="to do")
+                continue
             # a good repeat stands, whatever is then said of an attempt before it
             if row.done and row.file != file and ended.outcome != "complete":
                 continue
             fresh = {} if row.file == file else {"a0_mn": None, "t1_s": None, "t2_s": None, "raised": False}
             quality = ended.reason if ended.outcome != "complete" else (row.quality if not fresh else "")
-            self._change(name, state=ended.outcome, file=file, quality=quality, **fresh)
+            state = _AS_IN_FILES.get(ended.outcome, ended.outcome)
+            self._change(name, state=state, file=file if ended.file else "", quality=quality, **fresh)
         last = snapshot.ended[-1].trial if snapshot.ended else ""
         for row in self.rows:
             under_way = snapshot.state not in AT_REST and row.name == snapshot.trial
@@ -123,6 +131,12 @@ class StudyTable(QAbstractTableModel):
             if under_way and (row.name != last or snapshot.file):
                 self._change(row.name, state=str(snapshot.state))
             elif not under_way and row.state in _UNDER_WAY:
+                self._change(row.name, state="to do")
+
+    def run_died(self) -> None:
+        """Take it that what was under way is so no longer: the program that recorded it has died."""
+        for row in self.rows:
+            if row.state in _UNDER_WAY:
                 self._change(row.name, state="to do")
 
     def take_fit(self, path: Path, fit: TrialFit) -> None:
@@ -194,7 +208,7 @@ class StudyTable(QAbstractTableModel):
             "to do": QColor(t.faint),
             "failed": QColor(t.bad),
             "aborted": QColor(t.bad),
-            "cut short": QColor(t.note),
+            "cut off": QColor(t.bad),
             "discarded": QColor(t.note),
             "skipped": QColor(t.note),
         }.get(row.state, QColor(t.accent))
@@ -212,6 +226,18 @@ class StudyTable(QAbstractTableModel):
 _UNDER_WAY: Mapping[str, State] = {str(state): state for state in State if state not in AT_REST}
 
 
+_AS_IN_FILES = {"cut short": "aborted"}
+"""A trial's state has one word, whether the run tells of it or its file."""
+
+
+def _state_of(header: Header) -> str:
+    if header.problem:
+        return header.problem if header.problem == BEING_WRITTEN else "unreadable"
+    if header.discarded:
+        return "discarded"
+    return "cut off" if header.status == "running" else header.status
+
+
 def newly(before: tuple[Ended, ...], now: tuple[Ended, ...]) -> tuple[Ended, ...]:
     """Return what a list, to which is added at the end and dropped at the beginning, holds that is new."""
     for dropped in range(len(before) + 1):
@@ -222,9 +248,8 @@ def newly(before: tuple[Ended, ...], now: tuple[Ended, ...]) -> tuple[Ended, ...
 
 
 def _cells(row: StudyRow) -> tuple[str, ...]:
-    mark = {"complete": "✓ ", "failed": "✗ ", "aborted": "✗ ", "discarded": "– ", "skipped": "– "}.get(
-        row.state, ""
-    )
+    mark = {"complete": "✓ ", "discarded": "– ", "skipped": "– "}.get(row.state, "")
+    mark = "✗ " if row.state in {"failed", "aborted", "cut off", "unreadable"} else mark
     return (
         str(row.number),
         row.finger,

@@ -141,6 +141,11 @@ def restyle_plot(plot: Any, theme: Theme) -> None:
             label.setText(label.text, color=theme.text)
 
 
+def legend_below(plot: Any) -> None:
+    """Give a plot of force over time a legend at the middle of its lower edge, which no held force reaches."""
+    plot.getPlotItem().addLegend().anchor((0.5, 1.0), (0.5, 1.0), offset=(0, -8))
+
+
 def _style_sheet(theme: Theme) -> str:
     """Return what a palette can't say: where the keyboard's focus is, and the words' roles."""
     focusable = "QPushButton, QToolButton, QLineEdit, QComboBox, QCheckBox, QAbstractItemView, QPlainTextEdit"

@@ -19,6 +19,7 @@ from rig.gui.jobs.fitting import fit_rows
 from rig.gui.jobs.headers import Header
 from rig.gui.jobs.marking import discard, take_back
 from rig.gui.jobs.traces import Axes
+from rig.gui.numbers import counted
 from rig.gui.trial_table import Row
 from rig.gui.worker import Worker
 
@@ -50,12 +51,15 @@ class TrialActions(QWidget):
         self._rows = rows
         self._selected = selected
         self._last_discarded: list[str] = []
+        self._n_unreadable = 0
         self.overlaid: Callable[[], tuple[Axes, tuple[str, ...]]] = lambda: (Axes(), ())
         self._build()
 
     def fit_again(self) -> None:
         """Fit the trials by the model chosen, a few at a time."""
-        paths = [row.path for row in self._rows() if row.header is None or not row.header.problem]
+        rows = self._rows()
+        paths = [row.path for row in rows if row.header is None or not row.header.problem]
+        self._n_unreadable = len(rows) - len(paths)
         model: Model = "step" if self.model.currentText() == "step" else "ramp"
         self._worker.forget(_KEY)
         self._fit_next(paths, 0, 0, model)
@@ -80,7 +84,7 @@ class TrialActions(QWidget):
         if not paths:
             say(self._words, "No trial is chosen.", "note")
             return
-        say(self._words, f"writing {what} of {len(paths)} trials to {out} ...", "faint")
+        say(self._words, f"writing {what} of {counted(len(paths), 'trial')} to {out} ...", "faint")
         failed, done = self._failed, self._written
         if what == "fits":
             self._worker.ask("fits.csv", export_fits, paths, model, out, then=done, failed=failed, long=True)
@@ -197,9 +201,10 @@ class TrialActions(QWidget):
         if not waiting:
             self._stop.hide()
             others = f"; {n_failed} can't be, the column flags says why" if n_failed else ""
-            say(
-                self._words, f"{n_fitted} trials fitted by the {model} model{others}" if done else "", "faint"
-            )
+            if self._n_unreadable:
+                others += f"; {self._n_unreadable} can't be read, the column state says why"
+            fitted = f"{counted(n_fitted, 'trial')} fitted by the {model} model{others}"
+            say(self._words, fitted if done or self._n_unreadable else "", "faint")
             return
         self._stop.show()
         say(self._words, f"fitting {done} of {done + len(waiting)}", "faint")
@@ -217,7 +222,9 @@ class TrialActions(QWidget):
         self._worker.ask("fits", fit_rows, now, model, then=got, failed=failed, key=_KEY)
 
     def _written(self, files: str | tuple[str, ...]) -> None:
-        what = files if isinstance(files, str) else f"{len(files)} files in {Path(files[0]).parent}"
+        what = (
+            files if isinstance(files, str) else f"{counted(len(files), 'file')} in {Path(files[0]).parent}"
+        )
         say(self._words, f"written: {what}", "good")
         self.said.emit(f"written: {what}")
 

@@ -12,6 +12,7 @@ from PySide6.QtGui import QAction, QCloseEvent
 from PySide6.QtWidgets import QApplication, QMainWindow
 
 from analysis.errors import BadInputError
+from rig.engine.progress import CalibrationShown
 from rig.gui.actions import make_actions, page_actions
 from rig.gui.asking import ask_file
 from rig.gui.bench_link import BenchLink
@@ -43,6 +44,8 @@ class Window(QMainWindow):
 
     def __init__(self, habits: Habits, logs: Path, question: Ask = ask) -> None:
         super().__init__()
+        # first: what is built measures its columns in the letters of the look
+        apply_theme(QApplication.instance(), THEMES.get(habits.theme, THEMES["light"]))  # type: ignore[arg-type]
         self.setWindowTitle("indenter")
         self.habits, self._ask = habits, question
         self.rig: Path | None = None
@@ -50,6 +53,7 @@ class Window(QMainWindow):
         self.link = BenchLink(logs / "bench.log", self)
         self._prompt_since: float | None = None
         self._may_close = False
+        self._calibration: CalibrationShown | None = None
         self.live, self.log = LivePage(self.link), LogPage(logs / "window.log")
         self.study = StudyPage(self.worker, habits)
         self.calibration = CalibrationPage()
@@ -92,13 +96,14 @@ class Window(QMainWindow):
         if self.link.state.running:
             self.say("a run is in progress: stop it before another rig is opened", "note")
             return
-        self.rig = rig
-        self.habits.rig = rig
         try:
             settings = load_rig(rig_for_the_window(rig))
         except BadInputError as error:
-            self.say(str(error), "bad")
+            open_still = self.link.state.link in {"open", "silent"}
+            self.say(f"{error}{f'; {self.link.state.rig} stays connected' if open_still else ''}", "bad")
             return
+        self.rig = rig
+        self.habits.rig = rig
         for page in self.shell.pages.values():
             take = getattr(page, "set_rig", None)
             if take is not None:
@@ -179,6 +184,7 @@ class Window(QMainWindow):
         self.readouts.show_state(state)
         for page in (self.live, self.study, self.calibration):
             page.show_state(state)
+        self._take_calibration(state)
         enabled = {
             "Start": state.ready,
             "Stop": state.running,
@@ -198,17 +204,13 @@ class Window(QMainWindow):
         self.readouts.refresh()
         self.shell.header.refresh()
 
-    def _calibration_decided(self, keep: bool) -> None:
-        self.link.ask("accept", keep=keep)
-        if keep:
-            # the constants belong to the open bench: it is opened anew with the ones just measured
-            QTimer.singleShot(1000, self._reopen)
-
-    def _reopen(self) -> None:
-        shown = self.link.state.snapshot.calibration
-        if shown is not None and shown.decision == "kept" and not self.link.state.running:
+    def _take_calibration(self, state: BenchState) -> None:
+        """Open the bench anew once a calibration is kept: its constants belong to the open bench."""
+        shown, last = state.snapshot.calibration, self._calibration
+        self._calibration = shown
+        if shown is not None and shown.decision == "kept" and last is not None and last.decision != "kept":
             self.say("the rig is opened again, with the new calibration", "")
-            self.connect_rig(self.rig)
+            QTimer.singleShot(0, partial(self.connect_rig, self.rig))  # after this state has been shown
 
     def _rig_chosen(self, path: Path) -> None:
         self.habits.used_folder("rigs", path.parent)
@@ -255,7 +257,8 @@ class Window(QMainWindow):
         self.shell.header.abort.connect(self.link.abort)
         self.shell.banner.answered.connect(self._answer)
         self.readouts.volts_wanted.connect(self.live.plot.show_volts)
-        self.worker.said.connect(self.say)
+        for failed in (self.worker.said, self.study.failed):
+            failed.connect(partial(self.say, kind="bad"))
         for page in (self.study, self.trials, self.protocol, self.mismatch):
             page.said.connect(self.say)
         self.protocol.run_asked.connect(self.commands.run_protocol)
@@ -264,7 +267,7 @@ class Window(QMainWindow):
         self.calibration.start_asked.connect(
             lambda kind, hands: self.link.ask("calibrate", which=kind, hands=hands)
         )
-        self.calibration.accept_asked.connect(self._calibration_decided)
+        self.calibration.accept_asked.connect(lambda keep: self.link.ask("accept", keep=keep))
 
     def _answer(self, prompt: str, answer: str, value: float | None) -> None:
         self._prompt_since = None

@@ -28,20 +28,28 @@ class RemoteOperator:
         return str(self._service.call("request", kind, dict(details)))
 
 
+_WORDS_FOR_NOTHING = {
+    ("place_on_balance", "mass_g"): "Clear the pan of the balance",
+    ("hang_weight", "mass_g"): "Take all weights off the arm",
+    ("invert_arm", "inverted"): "Turn the arm back, upright",
+}
 _WORDS = {
     "place_finger": "Place the {finger} finger on the block, site {site}, repeat {repeat}",
     "remove_finger": "Take the finger off the block",
     "place_block": "Put the stiff block under the arm",
     "turn_micrometer": "Turn the micrometer to {position_um} um",
-    "place_on_balance": "Put {mass_g} g on the balance (0 g: clear the pan)",
-    "hang_weight": "Hang {mass_g} g from the arm by a rubber band (0 g: take all weights off)",
-    "invert_arm": "Turn the arm over (inverted: {inverted})",
+    "place_on_balance": "Put {mass_g:g} g on the balance",
+    "hang_weight": "Hang {mass_g:g} g from the arm by a rubber band",
+    "invert_arm": "Turn the arm over",
     "clear_air": "Clear everything from below the arm",
 }
 
 
 def words_for(kind: str, details: Details) -> str:
     """What a person is asked to do, in plain words."""
+    for (request, key), words in _WORDS_FOR_NOTHING.items():
+        if request == kind and key in details and not details[key]:
+            return words
     try:
         words = _WORDS[kind].format_map(details)
         if "surface_mm" in details:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -75,11 +76,23 @@ def bring_in(file: Path, out: Path) -> tuple[str, ...]:
     """Import another program's recording into a folder; one that was imported there before is kept as it is."""
     kept = out / f"{file.stem}.h5"
     if kept.exists():
+        _check_same(file, kept)
         return (str(kept),)
     made, refused = import_recordings([file], out)
     if refused:
         raise BadInputError(refused[0].reason)
     return tuple(str(one.path) for one in made)
+
+
+def _check_same(file: Path, kept: Path) -> None:
+    """Refuse to show a recording in the place of another of the same name."""
+    with TemporaryDirectory() as fresh:
+        made, refused = import_recordings([file], Path(fresh))
+    if refused:
+        raise BadInputError(refused[0].reason)
+    before = read_trial(kept)
+    if not any(np.array_equal(one.trial.force_v, before.force_v) for one in made):
+        raise BadInputError(f"{file}: {kept} is another recording of this name: rename one of them")
 
 
 @contextmanager

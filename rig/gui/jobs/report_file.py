@@ -96,6 +96,8 @@ class Report(_Part):
     heldout: HeldOut = HeldOut()
     explained_share: float | None = None
     next_experiment: NextExperiment | None = None
+    left_out: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 class DiagnosisFolder(_Part):

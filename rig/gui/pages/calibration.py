@@ -157,13 +157,14 @@ class CalibrationPage(QWidget):
     def _say_progress(self, state: BenchState, shown: CalibrationShown) -> None:
         s = state.snapshot
         waiting = shown.decision == "waiting"
-        self._keep.setVisible(waiting)
-        self._leave.setVisible(waiting)
-        self._keep.setEnabled("accept" not in state.asked)
+        for made in (self._keep, self._leave):
+            made.setVisible(waiting)
+            made.setEnabled("accept" not in state.asked)
         self._again.setVisible(
             shown.decision in {"kept", "left"} or (not state.running and not shown.decision)
         )
         self._table.setVisible(bool(shown.constants))
+        self._verdict.setVisible(bool(shown.constants))
         name = shown.kind.capitalize()
         if shown.decision == "kept":
             say(self._running, f"{name} calibration accepted", "heading")

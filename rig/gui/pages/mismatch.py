@@ -26,6 +26,7 @@ from rig.gui.findings_view import FindingsView
 from rig.gui.habits import Habits
 from rig.gui.jobs.comparing import Comparison, compare_trial, run_diagnosis, trials_to_compare
 from rig.gui.jobs.report_file import DiagnosisFolder, read_diagnosis
+from rig.gui.numbers import counted
 from rig.gui.theme import Theme
 from rig.gui.worker import Worker
 
@@ -215,7 +216,7 @@ class MismatchPage(QWidget):
         self._habits.used_folder("diagnoses", found.folder)
         say(
             self._state,
-            f"{found.folder}: {found.report.n_trials} trials, baseline {found.report.baseline}",
+            f"{found.folder}: {counted(found.report.n_trials, 'trial')}, baseline {found.report.baseline}",
             "faint",
         )
         self._page_button.setEnabled(found.page is not None)

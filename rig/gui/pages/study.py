@@ -25,6 +25,7 @@ from rig.gui.discard_bar import DiscardBar
 from rig.gui.fit_panel import FitPanel
 from rig.gui.habits import Habits
 from rig.gui.jobs.headers import Header, list_folder, read_headers
+from rig.gui.numbers import counted
 from rig.gui.study_table import QUALITY, StudyRow, StudyTable
 from rig.gui.theme import Theme
 from rig.gui.worker import Worker
@@ -38,10 +39,11 @@ class StudyPage(QWidget):
     """Shows one protocol and its folder.
 
     `discard_asked` (file, reason), `repeat_asked` (planned trial's name) and `restore_asked` (file) are for
-    the window, which knows whether a run is in progress.
+    the window, which knows whether a run is in progress. `failed` says why a protocol can't be shown.
     """
 
     said = Signal(str)
+    failed = Signal(str)
     discard_asked = Signal(Path, str)
     restore_asked = Signal(Path)
     repeat_asked = Signal(str)
@@ -53,6 +55,7 @@ class StudyPage(QWidget):
         self._rig = RigFile()
         self._shown_trial = ""
         self._seen: set[Path] = set()
+        self._ran = False
         self.protocol: Path | None = None
         self.out: Path | None = None
         self.plan: Plan | None = None
@@ -84,7 +87,7 @@ class StudyPage(QWidget):
         try:
             loaded = load_run(protocol, self._rig, out)
         except (BadInputError, OSError) as error:
-            self.said.emit(" ".join(str(error).split()))
+            self.failed.emit(" ".join(str(error).split()))
             return False
         self.protocol, self.out, self.plan = protocol.absolute(), out.absolute(), loaded.plan
         self._habits.used_protocol(self.protocol)
@@ -92,7 +95,11 @@ class StudyPage(QWidget):
         self._seen.clear()
         self.table.load(loaded.plan.trials)
         self.fit_panel.clear()
-        say(self._title, f"{protocol.stem}: {loaded.plan.title}, {len(loaded.plan.trials)} trials", "heading")
+        say(
+            self._title,
+            f"{protocol.stem}: {loaded.plan.title}, {counted(len(loaded.plan.trials), 'trial')}",
+            "heading",
+        )
         self._say_folder()
         self.refresh()
         return True
@@ -111,6 +118,11 @@ class StudyPage(QWidget):
         if self.out is None or Path(s.out) != self.out:
             return
         self.table.take_snapshot(s)
+        ran, self._ran = self._ran, state.running
+        if state.link == "died":
+            self.table.run_died()
+        if ran and not state.running:
+            self.refresh()  # of a trial's attempts the best one counts, which the files tell
         place = self.table.place_of(s.trial)
         if state.running and place is not None and not self._bar.isVisible() and s.trial != self._shown_trial:
             self._shown_trial = s.trial

@@ -23,6 +23,7 @@ from rig.gui.fit_panel import FitPanel
 from rig.gui.folder_reading import FolderReading
 from rig.gui.habits import Habits
 from rig.gui.jobs.headers import Header, Listing
+from rig.gui.numbers import counted
 from rig.gui.overlay import Chosen, Overlay
 from rig.gui.theme import Theme
 from rig.gui.trial_actions import TrialActions
@@ -293,6 +294,8 @@ class TrialsPage(QWidget):
         elif not self.table.rows:
             say(self._count, "No trial files (*.h5) here: open another folder, or run a protocol.", "note")
         else:
-            text = f"{self.filter.rowCount()} of {len(self.table.rows)} trials shown, {chosen} chosen"
+            text = (
+                f"{self.filter.rowCount()} of {counted(len(self.table.rows), 'trial')} shown, {chosen} chosen"
+            )
             reading = f"; reading {read} of {in_all}" if read < in_all else ""
             say(self._count, text + reading, "faint")

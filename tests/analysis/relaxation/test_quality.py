@@ -131,6 +131,8 @@ def test_numbers_are_those_of_the_fault(simulate: Simulate):
     assert number("too_shallow") == pytest.approx(-100.0, rel=0.02)
     assert number("control") == pytest.approx(0.5)
     assert number("cut_short") == pytest.approx(50.0, rel=0.01)
+    shallow = raised(fit_trial(made["too_shallow"][1](trial)))["depth_missed"]
+    assert shallow.text == "the ramp ended 100 um short of the protocol's depth"
 
 
 def test_times_that_this_hold_does_not_tell(simulate: Simulate):

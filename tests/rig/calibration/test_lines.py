@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.stats import binom, linregress
 
-from rig.calibration.lines import line_through, student_95
+from rig.calibration.lines import force_constants, line_through, student_95
 
 
 def test_line_agrees_with_scipy() -> None:
@@ -41,3 +43,22 @@ def test_intervals_of_six_points_hold_at_95_percent() -> None:
 def test_student_needs_more_than_two_sigmas_with_few_points() -> None:
     assert student_95(4) == pytest.approx(2.7764, abs=1e-4)
     assert math.isclose(student_95(10**6), 1.96, abs_tol=1e-3)
+
+
+def test_a_weight_hung_twice_is_one_point_whatever_the_balance_says() -> None:
+    random = np.random.default_rng(4)
+
+    def hung(weight: str, mass_g: float) -> tuple[float, Any]:
+        volts = 0.015 * 9.80665 * mass_g + random.normal(0, 1e-4, 800)
+        held = SimpleNamespace(samples=slice(0, 800))
+        return mass_g, SimpleNamespace(
+            specimen=SimpleNamespace(site=weight), force_v=volts, phase=lambda _: held
+        )
+
+    weights = [
+        hung(f"{mass_g:g} g", mass_g + slip) for slip in (0.0, 2e-4) for mass_g in (0.0, 10.0, 20.0, 30.0)
+    ]
+    found = force_constants(weights, weights[0][1], 9.80665, 1.0)
+    assert found.line.dof == 2
+    assert found.line.x == pytest.approx([9.80665 * (mass_g + 1e-4) for mass_g in (0.0, 10.0, 20.0, 30.0)])
+    assert found.constants["volts_per_mn"].value == pytest.approx(0.015, rel=1e-3)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import json
 import os
 import sys
 from collections.abc import Callable, Iterator
@@ -15,6 +16,68 @@ from typing import Any
 import pytest
 
 os.environ["QT_QPA_PLATFORM"] = "offscreen"
+
+TISSUE = {
+    name: {"value": value, "se": 0.01 * value, "unit": unit}
+    for name, value, unit in (
+        ("k0_mn_per_mm", 120.0, "mN/mm"),
+        ("k1_mn_per_mm", 44.52, "mN/mm"),
+        ("tau1_s", 2.279, "s"),
+        ("k2_mn_per_mm", 35.28, "mN/mm"),
+        ("tau2_s", 0.149, "s"),
+    )
+}
+REPORT: dict[str, Any] = {
+    "format": "indenter-diagnosis",
+    "format_version": 1,
+    "verdict": "one_of",
+    "summary": "Adhesion was found.",
+    "n_trials": 2,
+    "sample_rate_hz": 8000.0,
+    "baseline": "ramp",
+    "false_alarm_rate": 0.05,
+    "mismatch": [
+        {
+            "signal": "force",
+            "phase": "retract",
+            "start_s": 3.1,
+            "stop_s": 3.3,
+            "mean_residual_mn": -4.1,
+            "p_value": 2e-4,
+            "share_of_mismatch": 0.81,
+            "conditions": "every depth",
+        }
+    ],
+    "mechanisms": [
+        {
+            "name": "adhesion",
+            "stage": "contact",
+            "alternatives": ["slip"],
+            "alternative_probabilities": {"slip": 0.2},
+            "probability": 0.75,
+            "p_value": 2e-4,
+            "parameters": {"pull_off_mn": {"value": 6.0, "se": 0.1, "unit": "mN"}},
+            "explanation": "the skin clings to the punch",
+        },
+        {"name": "heartbeat", "stage": "specimen", "alternatives": [], "p_value": 2e-4, "parameters": {}},
+    ],
+    "not_identifiable": [{"name": "lever_compliance", "reason": "it hides", "separated_by": "rigid_target"}],
+    "baseline_parameters": TISSUE,
+    "improved_parameters": TISSUE,
+    "heldout": {
+        "scheme": "",
+        "n_trials": 2,
+        "noise_floor_mn": 0.3,
+        "baseline_rms_mn": 0.92,
+        "improved_rms_mn": 0.31,
+    },
+    "explained_share": 0.99,
+    "next_experiment": {
+        "protocol": "next.toml",
+        "separates": [["adhesion", "slip"]],
+        "reason": "It would tell.",
+    },
+}
 
 
 @pytest.fixture(autouse=True)
@@ -87,6 +150,27 @@ def study_folder(simulated_trial: Callable[..., Any], tmp_path_factory: pytest.T
     return folder
 
 
+@pytest.fixture
+def report() -> dict[str, Any]:
+    """The contents of a report.json that nobody's trials gave."""
+    return REPORT
+
+
+@pytest.fixture
+def diagnosis() -> Callable[..., Path]:
+    """Function (folder, changes of the report) -> the folder, holding a diagnosis that is made up."""
+
+    def made(folder: Path, **changes: Any) -> Path:
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "report.json").write_text(json.dumps(REPORT | changes))
+        (folder / "report.html").write_text("<html></html>")
+        (folder / "twin.toml").write_text("")
+        (folder / "next.toml").write_text("")
+        return folder
+
+    return made
+
+
 @cache
 def _driver() -> ModuleType:
     # by its file: the tests' folders are no packages
@@ -122,8 +206,7 @@ def opened(folder: Path, qapp: Any) -> Iterator[tuple[Any, Any]]:
     window = driver.make_window(folder, question)
     window.connect_rig(folder / "rig.toml")
     yield window, question
-    question.answer = "Stop the run and close"
-    window.close()
+    window.close_now()
 
 
 @pytest.fixture

@@ -22,68 +22,7 @@ from rig.gui.theme import DARK
 from rig.gui.worker import Worker
 
 LONG_MS = 180_000
-
-TISSUE = {
-    name: {"value": value, "se": 0.01 * value, "unit": unit}
-    for name, value, unit in (
-        ("k0_mn_per_mm", 120.0, "mN/mm"),
-        ("k1_mn_per_mm", 44.52, "mN/mm"),
-        ("tau1_s", 2.279, "s"),
-        ("k2_mn_per_mm", 35.28, "mN/mm"),
-        ("tau2_s", 0.149, "s"),
-    )
-}
-REPORT: dict[str, Any] = {
-    "format": "indenter-diagnosis",
-    "format_version": 1,
-    "verdict": "one_of",
-    "summary": "Adhesion was found.",
-    "n_trials": 2,
-    "sample_rate_hz": 8000.0,
-    "baseline": "ramp",
-    "false_alarm_rate": 0.05,
-    "mismatch": [
-        {
-            "signal": "force",
-            "phase": "retract",
-            "start_s": 3.1,
-            "stop_s": 3.3,
-            "mean_residual_mn": -4.1,
-            "p_value": 2e-4,
-            "share_of_mismatch": 0.81,
-            "conditions": "every depth",
-        }
-    ],
-    "mechanisms": [
-        {
-            "name": "adhesion",
-            "stage": "contact",
-            "alternatives": ["slip"],
-            "alternative_probabilities": {"slip": 0.2},
-            "probability": 0.75,
-            "p_value": 2e-4,
-            "parameters": {"pull_off_mn": {"value": 6.0, "se": 0.1, "unit": "mN"}},
-            "explanation": "the skin clings to the punch",
-        },
-        {"name": "heartbeat", "stage": "specimen", "alternatives": [], "p_value": 2e-4, "parameters": {}},
-    ],
-    "not_identifiable": [{"name": "lever_compliance", "reason": "it hides", "separated_by": "rigid_target"}],
-    "baseline_parameters": TISSUE,
-    "improved_parameters": TISSUE,
-    "heldout": {
-        "scheme": "",
-        "n_trials": 2,
-        "noise_floor_mn": 0.3,
-        "baseline_rms_mn": 0.92,
-        "improved_rms_mn": 0.31,
-    },
-    "explained_share": 0.99,
-    "next_experiment": {
-        "protocol": "next.toml",
-        "separates": [["adhesion", "slip"]],
-        "reason": "It would tell.",
-    },
-}
+Made = Callable[..., Path]
 
 
 @pytest.fixture(scope="module")
@@ -107,39 +46,34 @@ rough = 0.0
     return folder
 
 
-def _diagnosis(folder: Path, **changes: Any) -> Path:
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "report.json").write_text(json.dumps(REPORT | changes))
-    (folder / "report.html").write_text("<html></html>")
-    (folder / "twin.toml").write_text("")
-    (folder / "next.toml").write_text("")
-    return folder
-
-
-def test_a_diagnosis_is_read_by_its_contract(tmp_path: Path) -> None:
-    found = read_diagnosis(_diagnosis(tmp_path / "d", something_new={"in": "a later version"}))
+def test_a_diagnosis_is_read_by_its_contract(diagnosis: Made, tmp_path: Path) -> None:
+    found = read_diagnosis(diagnosis(tmp_path / "d", something_new={"in": "a later version"}))
     assert found.report.mechanisms[0].parameters["pull_off_mn"].value == 6.0
     assert found.next_protocol == tmp_path / "d" / "next.toml"
     assert found.twin == tmp_path / "d" / "twin.toml"
     (tmp_path / "d" / "next.toml").unlink()
     assert read_diagnosis(tmp_path / "d").next_protocol is None
-    assert read_diagnosis(_diagnosis(tmp_path / "e", next_experiment=None)).next_protocol is None
+    assert read_diagnosis(diagnosis(tmp_path / "e", next_experiment=None)).next_protocol is None
 
 
 @pytest.mark.parametrize(
     ("changes", "said"),
     [({"verdict": "perhaps"}, "verdict"), ({"format": "else"}, "format"), ({"mismatch": [{}]}, "mismatch.0")],
 )
-def test_a_report_of_another_kind_is_told(tmp_path: Path, changes: dict[str, Any], said: str) -> None:
+def test_a_report_of_another_kind_is_told(
+    diagnosis: Made, tmp_path: Path, changes: dict[str, Any], said: str
+) -> None:
     with pytest.raises(BadInputError, match=said):
-        read_diagnosis(_diagnosis(tmp_path, **changes))
+        read_diagnosis(diagnosis(tmp_path, **changes))
     with pytest.raises(BadInputError, match="can't be read"):
         read_diagnosis(tmp_path / "none")
 
 
-def test_the_simulation_after_explains_what_the_one_before_leaves(clinging: Path) -> None:
-    report = Report.model_validate(REPORT)
-    found = compare_trial(str(clinging / "1.h5"), report)
+def test_the_simulation_after_explains_what_the_one_before_leaves(
+    clinging: Path, report: dict[str, Any]
+) -> None:
+    adhesion = Report.model_validate(report)
+    found = compare_trial(str(clinging / "1.h5"), adhesion)
     assert found.left_out == ("heartbeat: it has a time or phase of its own in every trial",)
     before = found.recorded_mn - found.before_mn
     after = found.recorded_mn - found.after_mn
@@ -147,13 +81,13 @@ def test_the_simulation_after_explains_what_the_one_before_leaves(clinging: Path
     assert before[at] < -4.0  # the pull of the skin
     assert abs(after[at]) < 2.0
     assert found.rms_after_mn < found.rms_before_mn
-    same = compare_trial(str(clinging / "1.h5"), report.model_copy(update={"mechanisms": ()}))
+    same = compare_trial(str(clinging / "1.h5"), adhesion.model_copy(update={"mechanisms": ()}))
     np.testing.assert_array_equal(same.before_mn, same.after_mn)
 
 
-def test_a_step_baseline_speaks_of_the_hold_alone(clinging: Path) -> None:
-    report = Report.model_validate(REPORT | {"baseline": "step", "mechanisms": []})
-    found = compare_trial(str(clinging / "1.h5"), report)
+def test_a_step_baseline_speaks_of_the_hold_alone(clinging: Path, report: dict[str, Any]) -> None:
+    step = Report.model_validate(report | {"baseline": "step", "mechanisms": []})
+    found = compare_trial(str(clinging / "1.h5"), step)
     inside = np.isfinite(found.before_mn)
     assert 0 < inside.sum() < len(found.time_s)
     assert np.ptp(found.time_s[inside]) == pytest.approx(2.0, rel=0.05)
@@ -202,8 +136,10 @@ def test_an_empty_page_says_what_to_do(page: MismatchPage) -> None:
     assert "Choose a folder" in page._state.text()
 
 
-def test_a_diagnosis_is_shown(page: MismatchPage, clinging: Path, tmp_path: Path, qtbot: QtBot) -> None:
-    folder = _diagnosis(tmp_path / "d")
+def test_a_diagnosis_is_shown(
+    page: MismatchPage, diagnosis: Made, clinging: Path, tmp_path: Path, qtbot: QtBot
+) -> None:
+    folder = diagnosis(tmp_path / "d")
     page.open_diagnosis(folder, clinging)
     qtbot.waitUntil(lambda: page.comparison.shown is not None, timeout=LONG_MS)
     words = _said(page)
@@ -236,7 +172,12 @@ def test_a_diagnosis_is_shown(page: MismatchPage, clinging: Path, tmp_path: Path
 
 
 def test_diagnose_stop_and_failure(
-    clinging: Path, habits: Habits, tmp_path: Path, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+    clinging: Path,
+    report: dict[str, Any],
+    habits: Habits,
+    tmp_path: Path,
+    qtbot: QtBot,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """The whole way round a diagnosis that is made up: it takes as long as is asked, or fails."""
     (tmp_path / "made_up_diagnosis.py").write_text(
@@ -251,7 +192,7 @@ def run(paths, out, baseline):
     if not out.parent.exists():
         raise BadInputError(f"{{out.parent}}: no such folder")
     out.mkdir()
-    (out / "report.json").write_text({json.dumps(REPORT)!r})
+    (out / "report.json").write_text({json.dumps(report)!r})
     return out
 """
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from hypothesis import strategies as st
 from rig.engine.progress import Snapshot
 from rig.engine.states import State
 from rig.engine.tasks import Ended
-from rig.gui.jobs.headers import Header
+from rig.gui.jobs.headers import BEING_WRITTEN, Header
 from rig.gui.study_table import StudyTable, newly
 from rig.protocols.planning import plan_of
 from rig.settings.reading import parse_protocol
@@ -55,7 +56,7 @@ def test_what_it_ended_as_stands_until_it_is_recorded_again(table: StudyTable) -
     cut = (Ended(FIRST, f"{FIRST}.h5", "cut short"),)
     for state in (State.LEAVING, State.SAVED, State.PAUSED, State.PREPARING):
         table.take_snapshot(Snapshot("study", state, FIRST, out="/s", ended=cut))
-        assert states(table)[0] == "cut short"
+        assert states(table)[0] == "aborted"
     again = f"{FIRST}_again2.h5"
     table.take_snapshot(Snapshot("study", State.HOLDING, FIRST, out="/s", ended=cut, file=again))
     assert states(table)[0] == "holding"
@@ -94,3 +95,44 @@ def test_only_what_is_new_is_new(dropped: int, kept: int, added: int) -> None:
     ends = tuple(Ended(str(i), f"{i}.h5", "complete") for i in range(dropped + kept + added))
     before, now = ends[: dropped + kept], ends[dropped:]
     assert newly(before, now) == ends[dropped + kept :]
+
+
+def test_what_a_fit_said_stands_when_the_folder_is_read_again(table: StudyTable) -> None:
+    file = f"/s/{FIRST}.h5"
+    complete = Header(file, 1, 1, status="complete")
+    table.take_headers([complete])
+    table._change(FIRST, quality="t1 is longer than the hold", raised=True)
+    table.take_headers([complete])
+    assert table.rows[0].quality == "t1 is longer than the hold"
+    table.take_headers([replace(complete, discarded="the finger moved")])
+    assert (table.rows[0].state, table.rows[0].quality) == ("discarded", "the finger moved")
+
+
+@pytest.mark.parametrize(
+    ("header", "state", "quality"),
+    [
+        (Header(f"/s/{FIRST}.h5", 1, 1, status="running"), "cut off", ""),
+        (Header(f"/s/{FIRST}.h5", 1, 1, problem="is empty"), "unreadable", "is empty"),
+        (Header(f"/s/{FIRST}.h5", 1, 1, problem=BEING_WRITTEN), BEING_WRITTEN, ""),
+    ],
+)
+def test_a_file_that_is_no_good_says_so(table: StudyTable, header: Header, state: str, quality: str) -> None:
+    table.take_headers([header])
+    assert (table.rows[0].state, table.rows[0].quality) == (state, quality)
+
+
+def test_a_trial_that_ended_before_it_had_a_file_is_still_to_do(table: StudyTable) -> None:
+    table.take_snapshot(Snapshot("study", State.PREPARING, FIRST, out="/s"))
+    ended = (Ended(FIRST, "", "cut short", "stopped by the operator"),)
+    table.take_snapshot(Snapshot("study", State.IDLE, FIRST, out="/s", ended=ended))
+    assert (table.rows[0].state, table.rows[0].file) == ("to do", "")
+    good = (*ended, Ended(FIRST, f"{FIRST}.h5", "complete"))
+    table.take_snapshot(Snapshot("study", State.IDLE, out="/s", ended=good))
+    table.take_snapshot(Snapshot("study", State.IDLE, out="/s", ended=(*good, Ended(FIRST, "", "cut short"))))
+    assert states(table)[0] == "complete", "a repeat that never began takes nothing from a good one"
+
+
+def test_what_was_under_way_in_a_program_that_died_is_so_no_longer(table: StudyTable) -> None:
+    table.take_snapshot(Snapshot("study", State.HOLDING, FIRST, out="/s"))
+    table.run_died()
+    assert states(table) == ["to do", "to do"]

@@ -144,6 +144,12 @@ def test_samples_leave_and_come_back(study_folder: Path, tmp_path: Path) -> None
     np.testing.assert_allclose(again.force_mn, trial.force_mn, atol=1e-6)
     np.testing.assert_allclose(again.position_mm, trial.position_mm, atol=1e-6)
     assert bring_in(Path(written), tmp_path / "back") == (back,)  # brought in before: kept as it is
+    other = tmp_path / "other" / Path(written).name
+    other.parent.mkdir()
+    lines = Path(written).read_text().splitlines()
+    other.write_text("\n".join(lines[:-100]))
+    with pytest.raises(BadInputError, match="another recording of this name: rename one"):
+        bring_in(other, tmp_path / "back")
 
 
 def test_fits_and_figures_are_written(study_folder: Path, tmp_path: Path) -> None:

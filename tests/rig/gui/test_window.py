@@ -183,6 +183,46 @@ def test_a_study_of_another_calibration_is_asked_about_first(drive: Any) -> None
     assert "volts_per_mm" in begun_with.read_text(), "the study goes on with the constants of today"
 
 
+def test_an_abort_before_anything_is_recorded_says_so(drive: Any) -> None:
+    window = drive.window
+    out = drive.load("nothing_yet", hold=0.3)
+    drive.start(by_bench=False)
+    drive.until(lambda: window.shell.banner.stands)
+    drive.press(Qt.Key.Key_Escape)
+    drive.until(drive.at_rest)
+    assert "abort: done" in window.shell._status.text()
+    assert "no trial was being recorded" in window.shell._status.text()
+    assert not list(out.glob("*.h5"))
+    assert window.study.table.rows[0].state == "to do"
+    # what an abort did stays, and yet a note on what was done since is seen
+    window.say("a note", "note")
+    assert window.shell._status.text() == "a note"
+    window.shell._fading.setInterval(1)
+    window.shell._fading.start()
+    drive.until(lambda: "abort: done" in window.shell._status.text())
+    window.say("written", "good")
+    assert "abort: done" in window.shell._status.text()
+    window.shell.clear()
+    assert window.shell._status.text() == ""
+
+
+def test_what_can_not_be_opened_stays_said_and_changes_nothing(drive: Any) -> None:
+    window = drive.window
+    rig, kept = window.rig, window.habits.rig
+    window.connect_rig(drive.folder / "no.toml")
+    assert "no such file" in window.shell._status.text()
+    assert "rig.toml stays connected" in window.shell._status.text()
+    assert (window.rig, window.habits.rig) == (rig, kept)
+    assert window.link.state.ready
+    typo = drive.folder / "typo.toml"
+    typo.write_text('kind = "study"\n[study]\nrepeets = 2\n')
+    assert not window.study.load(typo)
+    assert "did you mean repeats?" in window.shell._status.text()
+    window.shell._fade()
+    assert "did you mean repeats?" in window.shell._status.text(), "it stays until it is put away"
+    window.shell.clear()
+
+
 def test_closing_in_a_run_asks_first(drive: Any) -> None:
     window = drive.window
     drive.load("closing")
@@ -204,8 +244,10 @@ def test_the_rigs_program_is_killed_and_the_study_is_gone_on_with(drive: Any) ->
     assert window.link.process is not None
     os.kill(window.link.process.pid, signal.SIGKILL)
     drive.until(lambda: window.link.state.link == "died")
-    assert "has ended while holding" in window.link.state.trouble
-    assert "the guard takes the arm clear" in drive.log()
+    assert "has ended while holding: it was ended from outside (signal 9" in window.link.state.trouble
+    assert "the guard takes the arm clear; 002_index_0.30mm_r2.h5 is kept" in drive.log()
+    assert window.shell.header._file.text() == "no file is being written"
+    drive.until(lambda: window.study.table.rows[1].state == "cut off")
     assert window.shell.header._doing.text() == "the rig's program has died"
     # the guard holds the bench until the arm is clear; another can be started all the same
     window.connect_rig(drive.folder / "rig.toml")

@@ -160,3 +160,8 @@ def test_the_systems_clock_goes_on() -> None:
 def test_every_request_has_words() -> None:
     assert words_for("clear_air", {}) == "Clear everything from below the arm"
     assert words_for("sweep_floor", {"rooms": 2}) == "sweep floor: rooms 2"
+    assert words_for("hang_weight", {"mass_g": 5.0}) == "Hang 5 g from the arm by a rubber band"
+    assert words_for("hang_weight", {"mass_g": 0.0}) == "Take all weights off the arm"
+    assert words_for("place_on_balance", {"mass_g": 0.0}) == "Clear the pan of the balance"
+    assert words_for("invert_arm", {"inverted": True}) == "Turn the arm over"
+    assert words_for("invert_arm", {"inverted": False}) == "Turn the arm back, upright"

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal
 
 from analysis.errors import BadInputError
@@ -46,21 +46,26 @@ class PadMesh:
     order: int
     keep: Any = None
     """What the mesh's deformation lives in."""
+    file: Path | None = None
+    """The user's own."""
 
 
 def mesh_pad(pad: PadFile, load: Load) -> PadMesh:
     """Return the mesh for a load: of the parametric pad, or of the user's own file."""
-    if pad.mesh.file is not None:
+    file = pad.mesh.file_for(load)
+    if file is not None:
         from analysis.fingertip.user_mesh import read_mesh
 
-        return read_mesh(pad.mesh.file, load, pad.mesh.order)
+        return read_mesh(pad, load, file)
     from netgen.occ import OCCGeometry
     from ngsolve import Mesh
 
     shape = _shape(pad, load)
     size_mm = pad.mesh.size_mm
     for _ in range(_TRIES):
-        mesh = Mesh(OCCGeometry(shape).GenerateMesh(maxh=size_mm, grading=pad.mesh.grading))
+        # its threads make the same mesh and wait for each other: two seconds of processor where one needs half of one
+        made = OCCGeometry(shape).GenerateMesh(maxh=size_mm, grading=pad.mesh.grading, parallel_meshing=False)
+        mesh = Mesh(made)
         mesh.Curve(pad.mesh.order)
         keep = _deform(mesh, pad)
         if not _folded(mesh):
@@ -192,15 +197,23 @@ def _rename(shape: Any, old: str, new: str) -> None:
 
 def _refine(whole: Any, pad: PadFile, load: Load) -> None:
     """Set the sizes of elements where the load is; a property set before the parts are joined is lost."""
-    smallest = pad.mesh.contact_size_mm
-    refined: dict[str, Callable[[Any], None]] = {
-        PUNCH: lambda face: _refine_rim(face, smallest),
-        STRIP: lambda face: _set_size(face, max(4 * smallest, _STRIP_SIZE_MM)),
-        PLATE: lambda face: _set_size(face, pad.mesh.size_mm / 2),
-    }
+    face_mm, rim_mm = contact_sizes_mm(load, pad.mesh.contact_size_mm, pad.mesh.size_mm)
     for face in whole.faces:
-        if face.name in refined:
-            refined[face.name](face)
+        if face.name == PRESSED[load]:
+            _set_size(face, face_mm)
+            if load == "punch":
+                _refine_rim(face, rim_mm)
+
+
+def contact_sizes_mm(load: Load, smallest_mm: float, size_mm: float) -> tuple[float, float]:
+    """Return the size of elements under a load, and at its rim, from the smallest of a mesh and the largest.
+
+    At the rim of the punch the stress has no bound.
+    """
+    if load == "punch":
+        return 4 * smallest_mm, smallest_mm
+    face_mm = max(4 * smallest_mm, _STRIP_SIZE_MM) if load == "line" else size_mm / 2
+    return face_mm, face_mm
 
 
 def _set_size(shape: Any, size_mm: float) -> None:
@@ -208,8 +221,6 @@ def _set_size(shape: Any, size_mm: float) -> None:
 
 
 def _refine_rim(face: Any, size_mm: float) -> None:
-    """Refine the rim of the punch, where the stress has no bound, more than the rest."""
-    _set_size(face, 4 * size_mm)
     for edge in face.edges:
         if abs(edge.center.x) > 1e-6:
             _set_size(edge, size_mm)

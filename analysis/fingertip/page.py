@@ -34,8 +34,8 @@ _CAPTIONS = {
 _COMPARE_CAPTIONS = {
     "surface": "Measured deflection with its errors, and each pad pressed as the finger was; below, measured minus pad "
     "with twice the error in grey.",
-    "profile": "How much worse the best pad of a ratio fits than the best of all, thickness of the epidermis left "
-    "free; broken line: where the 95 % interval (grey) ends.",
+    "profile": "How much worse the best pad of a ratio fits than the best of all; broken line: where the 95 % interval "
+    "(grey) ends.",
     "line_section": "Section in the plane of symmetry under the line, true to scale.",
 }
 
@@ -85,7 +85,8 @@ def write_comparison_page(out: Path, found: Located, answers: LineAnswers) -> Pa
         write_vtu(out / f"{name}_line.vtu", answers.model.view, {"displacement_mm": moved})
     write_comparison(out / "compare.json", found, answers.motion)
     half_length_mm = [
-        float(answers.model.place_mm[pressed.pressure_kpa[-1] > 0, 0].max()) for pressed in answers.pressed
+        float(np.abs(answers.model.place_mm[pressed.pressure_kpa[-1] > 0, 0]).max())
+        for pressed in answers.pressed
     ]
     return render(
         out / "compare.html",

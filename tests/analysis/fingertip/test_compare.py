@@ -1,10 +1,7 @@
 from __future__ import annotations
 
-import importlib.util
 import json
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,15 +20,6 @@ from analysis.fingertip.viscoelastic import relaxation
 
 _PLACES_MM = np.concatenate([-np.arange(0.2, 3.01, 0.1)[::-1], np.arange(0.2, 3.01, 0.1)])
 _NOISE_MM = 0.005
-
-
-@pytest.fixture(scope="session")
-def full_march():
-    path = Path(__file__).with_name("full_march.py")
-    spec = importlib.util.spec_from_file_location("full_march", path)
-    module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 @pytest.fixture(scope="session")

@@ -18,7 +18,7 @@ from analysis.fingertip.cache import key_of, recall
 from analysis.fingertip.elastic import ElasticPad, nus_of
 from analysis.fingertip.meshing import FIXED, LINE_LENGTH_MM, Load, mesh_pad
 from analysis.fingertip.pad_file import PadFile
-from analysis.fingertip.probes import probes_of
+from analysis.fingertip.probes import BALL_MM, probes_of
 from analysis.fingertip.progress import shown_progress
 from analysis.fingertip.reduced import energy_basis
 from analysis.fingertip.view import MeshView, view_of
@@ -27,10 +27,8 @@ from analysis.recordings.trial import FloatArray
 LINE_PATCHES = 30
 """Of half the line: 0.083 mm each."""
 _ROUNDING = 1e-12
-_STENCIL_MM = 0.03
-"""Radius of the ball in which strain at a depth is taken: a receptor's end is no smaller."""
 _INWARDS = (0.0, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2)
-_STENCIL = _STENCIL_MM * np.array(
+_STENCIL = BALL_MM * np.array(
     [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1], [0.6, 0.6, 0], [0.6, 0, 0.6]]
 )
 

@@ -16,6 +16,8 @@ NEAR_MM = np.concatenate([[0.0], np.geomspace(0.03, 1.0, 18)])
 FAR_STEP_MM = 0.2
 SHALLOWEST_MM = 0.1
 DEPTHS = 21
+BALL_MM = 0.03
+"""Radius of the ball in which strain at a depth is taken: a receptor's end is no smaller."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,5 +71,8 @@ def along(towards_root_mm: float, towards_tip_mm: float) -> FloatArray:
 
 
 def depths(borders_mm: FloatArray) -> FloatArray:
-    """Return depths (d,) mm from within the epidermis to the end of the dermis."""
-    return np.linspace(SHALLOWEST_MM, float(borders_mm[1]), DEPTHS)
+    """Return depths (d,) mm from within the epidermis to the end of the dermis, none with its ball in two layers."""
+    every = np.linspace(SHALLOWEST_MM, float(borders_mm[1]), DEPTHS)
+    off = np.abs(every[:, None] - borders_mm).min(axis=1)
+    inside: FloatArray = every[off > BALL_MM]
+    return inside

@@ -163,6 +163,11 @@ def _pressed_part(pad: PadFile, load: Load, skin: Any, first: Any) -> Any:
         tool = Cylinder(Pnt(0, 0, z_mm), Y, r=pad.punch.diameter_mm / 2, h=FAR_MM)
         name = PUNCH
     elif load == "line":
+        if pad.geometry.half_width_mm.value <= LINE_LENGTH_MM / 2:
+            raise BadInputError(
+                f"half_width_mm = {pad.geometry.half_width_mm.value:g}: the line of {LINE_LENGTH_MM:g} mm is as wide "
+                "as the pad: a pad under it has to be wider"
+            )
         half_width, half_length = LINE_WIDTH_MM / 2, capsule_x_mm(pad.geometry, LINE_LENGTH_MM / 2)
         tool = Box(Pnt(0, 0, z_mm - half_width), Pnt(half_length, FAR_MM, z_mm + half_width))
         first = skin.Move((0, -_STRIP_DEPTH_MM, 0))

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from analysis.errors import BadInputError
+from analysis.fingertip.folding import folded
 from analysis.fingertip.geometry import FAR_MM, capsule_x_mm, displacement_of_map, surfaces
 from analysis.fingertip.pad_file import LAYERS, Geometry, PadFile
 
@@ -24,7 +25,6 @@ _STRIP_DEPTH_MM = 0.05
 """Depth of the sliver of epidermis that is cut out under the line, so that the mesh follows its edges."""
 _TRIES, _FINER = 6, 0.8
 """How often, and by how much, elements are made smaller where bent ones fold."""
-_FOLD_ORDER = 8
 _ACROSS = 0.55
 """Of the pad's half-width: what a plate pressed half a millimetre deep can touch."""
 
@@ -68,23 +68,13 @@ def mesh_pad(pad: PadFile, load: Load) -> PadMesh:
         mesh = Mesh(made)
         mesh.Curve(pad.mesh.order)
         keep = _deform(mesh, pad)
-        if not _folded(mesh):
+        if not folded(mesh, pad.mesh.order):
             return PadMesh(mesh, load, PRESSED[load], 2, pad.geometry, pad.mesh.order, keep)
         size_mm *= _FINER
     raise BadInputError(
         f"the mesh folds where layers are thin, even with elements of {size_mm / _FINER:.2g} mm: make mesh.size_mm "
         "smaller, or the thinnest layer thicker"
     )
-
-
-def _folded(mesh: Any) -> bool:
-    """Whether an element of the mesh is turned inside out somewhere, its map followed at many points."""
-    import numpy as np
-    from ngsolve import TET, VOL, Det, IntegrationRule, specialcf
-
-    points = mesh.MapToAllElements({TET: IntegrationRule(TET, _FOLD_ORDER)}, VOL)
-    volume = Det(specialcf.JacobianMatrix(3))(points)
-    return bool(np.sign(volume).min() != np.sign(volume).max())
 
 
 def _deform(mesh: Any, pad: PadFile) -> Any:

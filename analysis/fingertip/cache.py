@@ -15,7 +15,7 @@ import numpy as np
 from analysis.errors import BadInputError
 from analysis.fingertip.pad_file import PadFile
 
-_LAYOUT = 2
+_LAYOUT = 3
 """Raised whenever what is solved for or stored changes."""
 
 
@@ -32,13 +32,16 @@ def key_of(pad: PadFile, load: str, more: Mapping[str, Any]) -> str:
     """Return the key of what a solution depends on: sizes (not their sources), mesh, library; hexadecimal."""
     settings = pad.model_dump(mode="json", exclude={"calibration"})
     settings["geometry"] = {name: size["value"] for name, size in settings["geometry"].items()}
-    if pad.mesh.file is not None:
+    for name in ("file", "line_file", "plate_file"):
+        del settings["mesh"][name]
+    file = pad.mesh.file_for(load)
+    if file is not None:
         # the parametric shape has no say then
         del settings["geometry"]
         try:
-            settings["mesh"]["file"] = hashlib.sha256(pad.mesh.file.read_bytes()).hexdigest()
+            settings["mesh"]["file"] = hashlib.sha256(file.read_bytes()).hexdigest()
         except OSError as error:
-            raise BadInputError(f"{pad.mesh.file}: can't be read: {error.strerror}") from error
+            raise BadInputError(f"{file}: can't be read: {error.strerror}") from error
     for tool in {"punch", "plate"} - {load}:
         del settings[tool]
     if load == "plate":

@@ -67,11 +67,6 @@ def compare_surface(
 
     measured = read_surface(surface, depth_mm)
     found = read_calibration(out)
-    if found.pad.mesh.file is not None:
-        raise BadInputError(
-            f"{found.pad.mesh.file}: a mesh of your own has one thickness of the epidermis, and `compare` lets it "
-            "vary: calibrate the parametric pad"
-        )
     need_solver()
     from analysis.fingertip.compare import locate
     from analysis.fingertip.line_load import LineMotion, answer_lines
@@ -100,8 +95,6 @@ def predict_receptor(
 
     rate = read_rates(rates) if rates is not None else None
     found = read_calibration(out)
-    if found.pad.mesh.file is not None:
-        raise BadInputError(f"{found.pad.mesh.file}: depths are those of the parametric pad: calibrate that")
     need_solver()
     from analysis.fingertip.receptor_page import write_receptor_page
 

@@ -19,6 +19,8 @@ FAILS_BELOW = 0.01
 """A pad fails where a misfit as large as this one is rarer under the measurement's errors."""
 COVERAGE = 0.95
 _STARTS = 7
+_FINEST_MM, _ROUNDING = 1e-6, 1e-12
+"""What no surface is measured better than; and the variance that such a one is given."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,10 +61,11 @@ class Located:
         mesh_mm: how far off the mesh may put the best pad's skin at a place, as two meshes differ.
         ratio, ratio_low, ratio_high: relaxed core over epidermis with its 95 % profile interval, thickness free.
         at_end: whether an end of the interval is an end of the ratios that were solved.
-        thickness_mm, thickness_se_mm: of the epidermis that fits best.
+        thickness_mm, thickness_se_mm: of the epidermis that fits best; no error where a mesh of the user's own
+            holds it.
         profile_log_ratio, profile_misfit: the profile: log ratios (P,), and how far the weighted sum of
             squares lies above its least (P,).
-        pads: homogeneous, the pad file's layered pad at its best ratio, the best of all.
+        pads: homogeneous, the pad file's layered pad at its best ratio, the best of all where that is another.
     """
 
     surface: MeasuredSurface
@@ -74,7 +77,7 @@ class Located:
     ratio_high: float
     at_end: bool
     thickness_mm: float
-    thickness_se_mm: float
+    thickness_se_mm: float | None
     limit: float
     profile_log_ratio: FloatArray
     profile_misfit: FloatArray
@@ -82,7 +85,7 @@ class Located:
 
 
 def locate(surface: MeasuredSurface, answers: LineAnswers) -> Located:
-    """Set the surface beside every pad and find the ratio of layers, thickness of the epidermis let free.
+    """Set the surface beside every pad and find the ratio of layers, thickness of the epidermis let free if it can be.
 
     Where the file gives no errors they are taken from what the best pad leaves, and the tests are F tests. What
     the mesh may be off by counts as an error beside the measurement's: no interval is narrower than the mesh.
@@ -91,24 +94,32 @@ def locate(surface: MeasuredSurface, answers: LineAnswers) -> Located:
     places_mm = surface.position_mm
     nothing = np.zeros(len(places_mm))
     first = _fitted(surface, answers, surface.error_mm if known else np.ones(len(places_mm)), nothing)
-    freedom = len(places_mm) - 2
-    scale_mm = np.sqrt(2 * float(first.cost) / freedom)
+    freedom = len(places_mm) - _free(answers)
+    scale_mm = max(np.sqrt(2 * float(first.cost) / freedom), _FINEST_MM)
     error_mm = surface.error_mm if known else np.full(len(places_mm), scale_mm)
     return _located(surface, answers, error_mm, known, answers.mesh_error_at(places_mm, float(first.x[0])))
 
 
+def _free(answers: LineAnswers) -> int:
+    """Return how many values are fitted: the ratio, and the thickness where there is more than one."""
+    return 1 if len(answers.thickness_mm) == 1 else 2
+
+
 def _fitted(surface: MeasuredSurface, answers: LineAnswers, error_mm: FloatArray, mesh_mm: FloatArray) -> Any:
-    """Return the solution of log ratio and thickness that fits best, both free."""
+    """Return the solution that fits best: log ratio, and thickness where it is free."""
     layered, whiten = answers.layered_at(surface.position_mm), _whitener(error_mm, mesh_mm)
     first, last = np.log(answers.ratios[[0, -1]]).tolist()
     thin, thick = answers.thickness_mm[[0, -1]].tolist()
+    own_mm, count = _own_mm(answers), _free(answers)
 
-    def by_both(values: FloatArray) -> FloatArray:
-        return whiten(layered(float(values[0]), float(values[1])) - surface.deflection_mm)
+    def off(values: FloatArray) -> FloatArray:
+        log_ratio, thickness_mm = [*values.tolist(), own_mm][:2]
+        return whiten(layered(log_ratio, thickness_mm) - surface.deflection_mm)
 
     starts = np.linspace(first, last, _STARTS + 2)[1:-1].tolist()
-    own_mm = _own_mm(answers)
-    tried = [_solve(by_both, [start, own_mm], [first, thin], [last, thick]) for start in starts]
+    tried = [
+        _solve(off, [start, own_mm][:count], [first, thin][:count], [last, thick][:count]) for start in starts
+    ]
     return min(tried, key=_cost)
 
 
@@ -133,12 +144,15 @@ def _located(
     layered, whiten = answers.layered_at(surface.position_mm), _whitener(error_mm, mesh_mm)
     first, last = np.log(answers.ratios[[0, -1]]).tolist()
     thin, thick = answers.thickness_mm[[0, -1]].tolist()
-    own_mm = _own_mm(answers)
+    own_mm, count = _own_mm(answers), _free(answers)
 
     def off(log_ratio: float, thickness_mm: float) -> FloatArray:
         return whiten(layered(log_ratio, thickness_mm) - surface.deflection_mm)
 
     def least_at(log_ratio: float) -> float:
+        if count == 1:
+            return float(np.sum(off(log_ratio, own_mm) ** 2))
+
         def by_thickness(values: FloatArray) -> FloatArray:
             return off(log_ratio, float(values[0]))
 
@@ -148,10 +162,10 @@ def _located(
         return off(float(values[0]), own_mm)
 
     solved = _fitted(surface, answers, error_mm, mesh_mm)
-    freedom = len(surface.position_mm) - 2
+    freedom = len(surface.position_mm) - count
     least = 2 * float(solved.cost)
-    variance = 1.0 if known else least / freedom
-    log_ratio, thickness = (float(v) for v in solved.x)
+    variance = 1.0 if known else max(least / freedom, _ROUNDING)
+    log_ratio, thickness = [*np.asarray(solved.x).tolist(), own_mm][:2]
     limit = float(chi2.ppf(COVERAGE, 1) if known else f.ppf(COVERAGE, 1, freedom))
 
     def above(at: float) -> float:
@@ -161,26 +175,24 @@ def _located(
     grid = np.unique(np.append(np.linspace(first, last, 61), [low, log_ratio, high]))
     jacobian = np.asarray(solved.jac)
     covariance = np.linalg.pinv(jacobian.T @ jacobian) * variance
-    own = _solve(by_ratio, [log_ratio], [first], [last])
+    thickness_se = float(np.sqrt(covariance[1, 1])) if count == 2 else None
 
-    def compared(name: str, deflection: FloatArray, log_ratio: float, fitted: int) -> Comparison:
-        mesh_there_mm = answers.mesh_error_at(surface.position_mm, log_ratio)
-        return _compared(name, deflection, surface, error_mm, mesh_there_mm, known, fitted)
+    def compared(at_mm: float, at: float, fitted: int) -> Comparison:
+        name = f"elastic epidermis of {at_mm:.3g} mm, ratio {np.exp(at):.3g}"
+        mesh_there_mm = answers.mesh_error_at(surface.position_mm, at)
+        return _compared(name, layered(at, at_mm), surface, error_mm, mesh_there_mm, known, (fitted, count))
 
-    pads = (
-        compared("homogeneous", answers.homogeneous_at(surface.position_mm), 0.0, 0),
-        compared(
-            f"elastic epidermis of {own_mm:.2g} mm, ratio {np.exp(own.x[0]):.3g}",
-            layered(float(own.x[0]), own_mm), float(own.x[0]), 1,
-        ),
-        compared(
-            f"elastic epidermis of {thickness:.3g} mm, ratio {np.exp(log_ratio):.3g}",
-            layered(log_ratio, thickness), log_ratio, 2,
-        ),
+    plain = _compared(
+        "homogeneous", answers.homogeneous_at(surface.position_mm), surface, error_mm,
+        answers.mesh_error_at(surface.position_mm, 0.0), known, (0, count),
     )  # fmt: skip
+    pads: tuple[Comparison, ...] = (plain, compared(thickness, log_ratio, count))
+    if count == 2:
+        own = _solve(by_ratio, [log_ratio], [first], [last])
+        pads = (plain, compared(own_mm, float(own.x[0]), 1), pads[1])
     return Located(
         surface, error_mm, known, mesh_mm, float(np.exp(log_ratio)), float(np.exp(low)), float(np.exp(high)), at_end,
-        thickness, float(np.sqrt(covariance[1, 1])), limit, grid, np.array([above(g) for g in grid]), pads,
+        thickness, thickness_se, limit, grid, np.array([above(g) for g in grid]), pads,
     )  # fmt: skip
 
 
@@ -221,13 +233,14 @@ def _compared(
     error_mm: FloatArray,
     mesh_mm: FloatArray,
     known: bool,
-    fitted: int,
+    fitted: tuple[int, int],
 ) -> Comparison:
+    """Set a pad beside the surface; ``fitted`` counts its values, and those of the best pad."""
     left = surface.deflection_mm - deflection
-    freedom = len(left) - fitted
+    freedom, best_freedom = (len(left) - count for count in fitted)
     squares = float(np.sum(_whitener(error_mm, mesh_mm)(left) ** 2))
-    # with errors taken from the best pad's own misfit (two values fitted) the ratio is Fisher's
-    p_value = chi2.sf(squares, freedom) if known else f.sf(squares / freedom, freedom, len(left) - 2)
+    # with errors taken from the best pad's own misfit the ratio is Fisher's
+    p_value = chi2.sf(squares, freedom) if known else f.sf(squares / freedom, freedom, best_freedom)
     return Comparison(
         name,
         deflection,

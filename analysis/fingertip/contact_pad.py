@@ -16,9 +16,9 @@ import numpy as np
 
 from analysis.fingertip.cache import key_of, recall
 from analysis.fingertip.elastic import ElasticPad, nus_of
-from analysis.fingertip.geometry import inside_point
 from analysis.fingertip.meshing import FIXED, LINE_LENGTH_MM, Load, mesh_pad
 from analysis.fingertip.pad_file import PadFile
+from analysis.fingertip.probes import BALL_MM, probes_of
 from analysis.fingertip.progress import shown_progress
 from analysis.fingertip.reduced import energy_basis
 from analysis.fingertip.view import MeshView, view_of
@@ -27,10 +27,8 @@ from analysis.recordings.trial import FloatArray
 LINE_PATCHES = 30
 """Of half the line: 0.083 mm each."""
 _ROUNDING = 1e-12
-_STENCIL_MM = 0.03
-"""Radius of the ball in which strain at a depth is taken: a receptor's end is no smaller."""
 _INWARDS = (0.0, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2)
-_STENCIL = _STENCIL_MM * np.array(
+_STENCIL = BALL_MM * np.array(
     [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1], [0.6, 0.6, 0], [0.6, 0, 0.6]]
 )
 
@@ -48,7 +46,8 @@ class ContactPad:
         place_mm: middle of each patch, x and z, (m, 2).
         position_mm: places along the finger from the line of contact, towards the tip, (q,).
         deflection: displacement into the pad of the skin there, (q, n).
-        depth_mm: depths under the point of contact, (d,).
+        depth_mm: depths under the middle of the load, (d,).
+        borders_mm: depths there at which epidermis and dermis end, (2,).
         strain: of each shape at those depths, (d, 3, 3, n).
         unknowns: of the full mesh.
         view: the mesh to look at.
@@ -63,6 +62,7 @@ class ContactPad:
     position_mm: FloatArray
     deflection: FloatArray
     depth_mm: FloatArray
+    borders_mm: FloatArray
     strain: FloatArray
     unknowns: int
     view: MeshView
@@ -93,21 +93,20 @@ def reduce_contact(
     pad: PadFile, load: Load, ratios: FloatArray, advance: Callable[[], None] = lambda: None
 ) -> ContactPad:
     """Mesh the pad, press every patch at every ratio, and return it in the shapes that result."""
-    full = ElasticPad(mesh_pad(pad, load), nus_of(pad), held=FIXED)
+    mesh = mesh_pad(pad, load)
+    probes = probes_of(pad, mesh)
+    full = ElasticPad(mesh, nus_of(pad), held=FIXED)
     patches = cut_patches(full, load)
     relative = np.array(pad.relative_moduli())
     answers = press_patches(full, patches, ratios, relative, advance)
     combine, layers, press = shapes_of(full, patches, answers)
-    position_mm = _positions(pad)
-    depth_mm = _depths(pad)
     fields = _Fields(full, answers)
-    top = [inside_point(pad.geometry, 0.0, pad.geometry.contact_z_mm.value + p) for p in position_mm]
-    deflection = -fields.at(np.array(top))[0][:, 1, :] @ combine
-    strain = np.stack([_strain(fields, pad, depth) for depth in depth_mm]) @ combine
+    deflection = -fields.at(probes.skin_mm)[0][:, 1, :] @ combine
+    strain = np.stack([_strain(fields, middle) for middle in probes.inside_mm]) @ combine
     view = view_of(full.mesh, answers, combine, full.space)
     return ContactPad(
-        layers, relative, press, patches.area_mm2, patches.gap_mm, patches.place_mm, position_mm, deflection,
-        depth_mm, strain, full.unknowns, view,
+        layers, relative, press, patches.area_mm2, patches.gap_mm, patches.place_mm, probes.position_mm, deflection,
+        probes.depth_mm, probes.borders_mm, strain, full.unknowns, view,
     )  # fmt: skip
 
 
@@ -144,23 +143,6 @@ def shapes_of(
     return combine, layers, press
 
 
-def _positions(pad: PadFile) -> FloatArray:
-    """Return where deflection is read: as far as the tube, and the tip but for its end, reach; close at the line."""
-    geometry = pad.geometry
-    towards_tip = -geometry.contact_z_mm.value + 0.8 * geometry.tip_length_mm.value
-    towards_root = geometry.tube_length_mm.value + geometry.contact_z_mm.value - 0.1
-    out = np.concatenate([[0.0], np.geomspace(0.03, 1.0, 18)])
-    distal = np.concatenate([out, np.arange(1.2, towards_tip, 0.2)])
-    proximal = np.concatenate([out, np.arange(1.2, towards_root, 0.2)])
-    return np.unique(np.concatenate([-proximal, distal]))
-
-
-def _depths(pad: PadFile) -> FloatArray:
-    """Return depths from within the epidermis to the depth of the dermis, mm."""
-    geometry = pad.geometry
-    return np.linspace(0.1, geometry.epidermis_mm.value + geometry.dermis_mm.value, 21)
-
-
 @dataclass(frozen=True, slots=True)
 class Patches:
     """Patches of skin: their load vectors for 1 kPa, areas (m,), gaps (m,), and places x and z (m, 2)."""
@@ -190,9 +172,9 @@ def cut_patches(full: ElasticPad, load: Load) -> Patches:
     watched = set(on.tolist())
     unknown = {e.nr: chosen.space.GetDofNrs(e)[0] for e in mesh.mesh.Elements(BND) if e.nr in watched}
     if load == "line":
-        members = np.minimum(
-            (middle[:, 0] / (LINE_LENGTH_MM / 2) * LINE_PATCHES).astype(int), LINE_PATCHES - 1
-        )
+        # a whole pad has them on either side of x = 0
+        pieces = np.floor(middle[:, 0] / (LINE_LENGTH_MM / 2) * LINE_PATCHES).astype(int)
+        members = np.clip(pieces, -LINE_PATCHES, LINE_PATCHES - 1)
     else:
         members = np.arange(len(on))
     forms, numbers = [], np.unique(members)
@@ -232,6 +214,7 @@ class _Fields:
 
         self._full, self._answers = full, answers
         self._field = GridFunction(full.space)
+        self.halved = full.mesh.copies == 2
 
     def at(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return displacements (P, 3, M) of the fields at points (P, 3), and where the map puts these (P, 3)."""
@@ -246,22 +229,27 @@ class _Fields:
 
     def _inside(self, point: FloatArray) -> FloatArray:
         """Return the point, or the nearest below it where the mesh's bent faces cut the corner of the capsule."""
+        # a capsule's points move towards its axis, those of a mesh that lies anywhere straight down
+        own = self._full.mesh.geometry is None
+        inwards = np.array([0.0, 1.0, 0.0]) if own else point * [1.0, 1.0, float(point[2] > 0)]
         for share in _INWARDS:
-            moved = point * (1 - share * np.array([1.0, 1.0, float(point[2] > 0)]))
+            moved = point - share * inwards
             if self._full.mesh.mesh.Contains(*moved.tolist()):
                 return moved
         raise ValueError(f"the point {point} lies outside of the mesh")
 
 
-def _strain(fields: _Fields, pad: PadFile, depth_mm: float) -> FloatArray:
-    """Return the strain (3, 3, M) under the point of contact: the plane that displacements in a small ball fit."""
-    middle = np.array(inside_point(pad.geometry, depth_mm, pad.geometry.contact_z_mm.value))
-    half, points = fields.at(middle + _STENCIL)
-    # beyond x = 0 the other half of the pad is its mirror image
+def _strain(fields: _Fields, middle_mm: FloatArray) -> FloatArray:
+    """Return the strain (3, 3, M) at a point: the plane that displacements in a small ball round it fit."""
+    # beyond x = 0 the other half of a half pad is its mirror image, and a whole pad is asked there
     mirror = np.array([-1.0, 1.0, 1.0])
-    moved = np.concatenate([half, half * mirror[:, None]])
-    places = np.concatenate([points, points * mirror]) - points[0]
-    design = np.column_stack([np.ones(len(places)), places])
+    if fields.halved:
+        half, points = fields.at(middle_mm + _STENCIL)
+        moved = np.concatenate([half, half * mirror[:, None]])
+        places = np.concatenate([points, points * mirror])
+    else:
+        moved, places = fields.at(middle_mm + np.concatenate([_STENCIL, _STENCIL * mirror]))
+    design = np.column_stack([np.ones(len(places)), places - places[0]])
     gradient = np.linalg.lstsq(design, moved.reshape(len(places), -1), rcond=None)[0][1:].reshape(3, 3, -1)
     strain: FloatArray = (gradient + gradient.transpose(1, 0, 2)) / 2
     return strain

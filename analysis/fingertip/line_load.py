@@ -18,13 +18,15 @@ from analysis.fingertip.punch import punch_pad
 from analysis.fingertip.reduced import chebyshev_ratios
 from analysis.recordings.trial import FloatArray
 
-THICKNESSES = (2 / 3, 1.0, 4 / 3)
+THICKNESSES = (2 / 3, 4 / 3)
 """Of the pad file's epidermis, that it is let free between: 0.2 to 0.4 mm of an assumed 0.3 mm."""
 SNAPSHOTS = chebyshev_ratios(0.009, 3.2, 6)
 """Ratios that shapes are taken at: from the softest core, relaxed, to the stiffest at once."""
 _RAMP_STEPS, _HOLD_STEPS = 20, 16
 COARSER = 1.5
-"""Size of the elements of a second mesh over that of the first: by how much both differ says how far off they are."""
+"""Size of the elements of a second mesh over that of the first: by how much both differ says how far off they are.
+
+A mesh of the user's own has a second order of elements instead."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,11 +43,12 @@ class LineAnswers:
     """Deflections (mm) at places along the finger (q,) mm for pads of many ratios and thicknesses.
 
     Attributes:
-        ratios, thickness_mm: (R,) relaxed core over epidermis, and (T,) of the epidermis.
+        ratios, thickness_mm: (R,) relaxed core over epidermis, and (T,) of the epidermis, one where it is held.
         layered: (T, R, q); homogeneous: (q,).
         mesh_error: of the layered pads at the file's own thickness, (R, q) mm: by how much a mesh of elements as
             large again by half differs, over that half (an error in proportion to the elements, as at the edges
-            of a punch and a line, where stress has no bound).
+            of a punch and a line, where stress has no bound); for a mesh of the user's own, by how much elements
+            of another order differ, over what that is to an error as one over the order squared.
         pads: the calibrated layered pads, by thickness and ratio.
         pressed: the homogeneous pad, and the layered pad of every ratio at the file's own thickness.
         model: the pad at the file's own thickness.
@@ -109,7 +112,7 @@ def answer_lines(
     ratios: Sequence[float] = SCAN_RATIOS,
     snapshots: FloatArray = SNAPSHOTS,
 ) -> LineAnswers:
-    """Calibrate and press pads of every ratio, at three thicknesses of the epidermis.
+    """Calibrate and press pads of every ratio, at three thicknesses of the epidermis; a mesh of the user's own has one.
 
     ``snapshots`` are the ratios that the pads' shapes under the line are taken at.
     """
@@ -121,33 +124,43 @@ def answer_lines(
         calibrated = tuple(scan(punch_pad(settings, cache), target, terms, ratios))
         return line, calibrated, [press_line(line, one, motion) for one in calibrated]
 
-    nominal_mm = found.pad.geometry.epidermis_mm.value
-    thickness_mm = nominal_mm * np.array(THICKNESSES)
-    layered, pads = [], []
-    pressed: list[Pressed] = []
-    own: ContactPad | None = None
-    for thickness in thickness_mm.tolist():
-        settings: PadFile = found.pad if thickness == nominal_mm else found.pad.with_epidermis(thickness)
-        line, calibrated, answers = of_ratios(settings)
-        layered.append([line.deflection @ one.weights[-1] for one in answers])
-        pads.append(calibrated)
-        if thickness == nominal_mm:
-            own = line
-            plain = calibrate(punch_pad(settings, cache), target, "homogeneous", 1.0, terms)
-            pressed = [press_line(line, plain, motion), *answers]
-    assert own is not None
-    coarser, _, answers = of_ratios(found.pad.with_elements(COARSER))
-    other = np.array([coarser.deflection @ one.weights[-1] for one in answers])
-    here = np.array([own.deflection @ one.weights[-1] for one in pressed[1:]])
+    own = found.pad
+    model, calibrated, answers = of_ratios(own)
+    plain = press_line(model, calibrate(punch_pad(own, cache), target, "homogeneous", 1.0, terms), motion)
+    here = np.array([model.deflection @ one.weights[-1] for one in answers])
+    nominal_mm = float(model.borders_mm[0])
+    layered, pads = {nominal_mm: here}, {nominal_mm: calibrated}
+    for share in THICKNESSES if own.mesh.file is None else ():
+        thickness_mm = share * nominal_mm
+        line, pads[thickness_mm], bent = of_ratios(own.with_epidermis(thickness_mm))
+        layered[thickness_mm] = np.array([line.deflection @ one.weights[-1] for one in bent])
+    other, errors = _other_mesh(own)
+    beside, _, bent = of_ratios(other)
+    differ = np.array([beside.deflection @ one.weights[-1] for one in bent]) - here
+    rising = sorted(layered)
     return LineAnswers(
         motion,
-        own.position_mm,
+        model.position_mm,
         np.array(ratios),
-        thickness_mm,
-        np.array(layered),
-        own.deflection @ pressed[0].weights[-1],
-        (other - here) / (COARSER - 1.0),
-        tuple(pads),
-        tuple(pressed),
-        own,
+        np.array(rising),
+        np.array([layered[thickness] for thickness in rising]),
+        model.deflection @ plain.weights[-1],
+        errors * differ,
+        tuple(pads[thickness] for thickness in rising),
+        (plain, *answers),
+        model,
     )
+
+
+def _other_mesh(pad: PadFile) -> tuple[PadFile, float]:
+    """Return the pad on other elements, and the error of its own ones over the difference of both.
+
+    Under edges, where stress has no bound, an error goes as the elements' size, and as one over their order squared
+    (Babuska and Suri 1987: there order gains twice what size does).
+    """
+    if pad.mesh.file is None:
+        return pad.with_elements(COARSER), 1 / (COARSER - 1.0)
+    # elements of order 1 are no measure of others: nearly incompressible tissue locks them
+    order = pad.mesh.order
+    other = order - 1 if order > 2 else order + 1
+    return pad.with_order(other), other**2 / (order**2 - other**2)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal
 
 from analysis.errors import BadInputError
+from analysis.fingertip.folding import folded
 from analysis.fingertip.geometry import FAR_MM, capsule_x_mm, displacement_of_map, surfaces
 from analysis.fingertip.pad_file import LAYERS, Geometry, PadFile
 
@@ -24,7 +25,6 @@ _STRIP_DEPTH_MM = 0.05
 """Depth of the sliver of epidermis that is cut out under the line, so that the mesh follows its edges."""
 _TRIES, _FINER = 6, 0.8
 """How often, and by how much, elements are made smaller where bent ones fold."""
-_FOLD_ORDER = 8
 _ACROSS = 0.55
 """Of the pad's half-width: what a plate pressed half a millimetre deep can touch."""
 
@@ -46,40 +46,35 @@ class PadMesh:
     order: int
     keep: Any = None
     """What the mesh's deformation lives in."""
+    file: Path | None = None
+    """The user's own."""
 
 
 def mesh_pad(pad: PadFile, load: Load) -> PadMesh:
     """Return the mesh for a load: of the parametric pad, or of the user's own file."""
-    if pad.mesh.file is not None:
+    file = pad.mesh.file_for(load)
+    if file is not None:
         from analysis.fingertip.user_mesh import read_mesh
 
-        return read_mesh(pad.mesh.file, load, pad.mesh.order)
+        return read_mesh(pad, load, file)
     from netgen.occ import OCCGeometry
     from ngsolve import Mesh
 
     shape = _shape(pad, load)
     size_mm = pad.mesh.size_mm
     for _ in range(_TRIES):
-        mesh = Mesh(OCCGeometry(shape).GenerateMesh(maxh=size_mm, grading=pad.mesh.grading))
+        # its threads make the same mesh and wait for each other: two seconds of processor where one needs half of one
+        made = OCCGeometry(shape).GenerateMesh(maxh=size_mm, grading=pad.mesh.grading, parallel_meshing=False)
+        mesh = Mesh(made)
         mesh.Curve(pad.mesh.order)
         keep = _deform(mesh, pad)
-        if not _folded(mesh):
+        if not folded(mesh, pad.mesh.order):
             return PadMesh(mesh, load, PRESSED[load], 2, pad.geometry, pad.mesh.order, keep)
         size_mm *= _FINER
     raise BadInputError(
         f"the mesh folds where layers are thin, even with elements of {size_mm / _FINER:.2g} mm: make mesh.size_mm "
         "smaller, or the thinnest layer thicker"
     )
-
-
-def _folded(mesh: Any) -> bool:
-    """Whether an element of the mesh is turned inside out somewhere, its map followed at many points."""
-    import numpy as np
-    from ngsolve import TET, VOL, Det, IntegrationRule, specialcf
-
-    points = mesh.MapToAllElements({TET: IntegrationRule(TET, _FOLD_ORDER)}, VOL)
-    volume = Det(specialcf.JacobianMatrix(3))(points)
-    return bool(np.sign(volume).min() != np.sign(volume).max())
 
 
 def _deform(mesh: Any, pad: PadFile) -> Any:
@@ -158,6 +153,11 @@ def _pressed_part(pad: PadFile, load: Load, skin: Any, first: Any) -> Any:
         tool = Cylinder(Pnt(0, 0, z_mm), Y, r=pad.punch.diameter_mm / 2, h=FAR_MM)
         name = PUNCH
     elif load == "line":
+        if pad.geometry.half_width_mm.value <= LINE_LENGTH_MM / 2:
+            raise BadInputError(
+                f"half_width_mm = {pad.geometry.half_width_mm.value:g}: the line of {LINE_LENGTH_MM:g} mm is as wide "
+                "as the pad: a pad under it has to be wider"
+            )
         half_width, half_length = LINE_WIDTH_MM / 2, capsule_x_mm(pad.geometry, LINE_LENGTH_MM / 2)
         tool = Box(Pnt(0, 0, z_mm - half_width), Pnt(half_length, FAR_MM, z_mm + half_width))
         first = skin.Move((0, -_STRIP_DEPTH_MM, 0))
@@ -192,15 +192,23 @@ def _rename(shape: Any, old: str, new: str) -> None:
 
 def _refine(whole: Any, pad: PadFile, load: Load) -> None:
     """Set the sizes of elements where the load is; a property set before the parts are joined is lost."""
-    smallest = pad.mesh.contact_size_mm
-    refined: dict[str, Callable[[Any], None]] = {
-        PUNCH: lambda face: _refine_rim(face, smallest),
-        STRIP: lambda face: _set_size(face, max(4 * smallest, _STRIP_SIZE_MM)),
-        PLATE: lambda face: _set_size(face, pad.mesh.size_mm / 2),
-    }
+    face_mm, rim_mm = contact_sizes_mm(load, pad.mesh.contact_size_mm, pad.mesh.size_mm)
     for face in whole.faces:
-        if face.name in refined:
-            refined[face.name](face)
+        if face.name == PRESSED[load]:
+            _set_size(face, face_mm)
+            if load == "punch":
+                _refine_rim(face, rim_mm)
+
+
+def contact_sizes_mm(load: Load, smallest_mm: float, size_mm: float) -> tuple[float, float]:
+    """Return the size of elements under a load, and at its rim, from the smallest of a mesh and the largest.
+
+    At the rim of the punch the stress has no bound.
+    """
+    if load == "punch":
+        return 4 * smallest_mm, smallest_mm
+    face_mm = max(4 * smallest_mm, _STRIP_SIZE_MM) if load == "line" else size_mm / 2
+    return face_mm, face_mm
 
 
 def _set_size(shape: Any, size_mm: float) -> None:
@@ -208,8 +216,6 @@ def _set_size(shape: Any, size_mm: float) -> None:
 
 
 def _refine_rim(face: Any, size_mm: float) -> None:
-    """Refine the rim of the punch, where the stress has no bound, more than the rest."""
-    _set_size(face, 4 * size_mm)
     for edge in face.edges:
         if abs(edge.center.x) > 1e-6:
             _set_size(edge, size_mm)

@@ -132,11 +132,26 @@ class Calibration(_Settings):
 class MeshSettings(_Settings):
     """Size and order of the elements, or a mesh of the user's own in place of the parametric one."""
 
-    order: Annotated[int, Field(ge=1, le=4)] = 3
+    # flat elements of order 1 lock where tissue is nearly incompressible, and hold fewer pressures than faces
+    order: Annotated[int, Field(ge=2, le=4)] = 3
     size_mm: Annotated[float, Field(gt=0, le=3)] = 0.9
     contact_size_mm: Annotated[float, Field(gt=0, le=0.5)] = 0.0075
     grading: Annotated[float, Field(gt=0, lt=1)] = 0.5
     file: Path | None = None
+    line_file: Path | None = None
+    plate_file: Path | None = None
+
+    @model_validator(mode="after")
+    def _file_first(self) -> Self:
+        if self.file is None and (self.line_file or self.plate_file):
+            raise ValueError(
+                "line_file or plate_file without file, the mesh under the punch: give that as well"
+            )
+        return self
+
+    def file_for(self, load: str) -> Path | None:
+        """Return the user's mesh for a load, if the pad is one."""
+        return {"line": self.line_file, "plate": self.plate_file}.get(load) or self.file
 
 
 class PadFile(_Settings):
@@ -157,6 +172,10 @@ class PadFile(_Settings):
         """Return the same pad on a mesh of elements larger by a factor."""
         sizes = {"size_mm": factor * self.mesh.size_mm, "contact_size_mm": factor * self.mesh.contact_size_mm}
         return self.model_copy(update={"mesh": self.mesh.model_copy(update=sizes)})
+
+    def with_order(self, order: int) -> PadFile:
+        """Return the same pad on elements of another order."""
+        return self.model_copy(update={"mesh": self.mesh.model_copy(update={"order": order})})
 
     def with_epidermis(self, thickness_mm: float) -> PadFile:
         """Return the same pad with another epidermis, at the dermis' cost; BadInputError where none is left of that."""
@@ -195,10 +214,12 @@ def read_pad(path: Path | None) -> PadFile:
         raise BadInputError(f"{name}: not valid TOML: {error}") from error
     except ValidationError as error:
         raise BadInputError(f"{name}: {_one_line(error)}") from error
-    if path is not None and pad.mesh.file is not None and not pad.mesh.file.is_absolute():
-        mesh = pad.mesh.model_copy(update={"file": path.parent / pad.mesh.file})
-        return pad.model_copy(update={"mesh": mesh})
-    return pad
+    if path is None:
+        return pad
+    # whole, so that the commands that go on from a calibration find them from anywhere
+    given = {name: getattr(pad.mesh, name) for name in ("file", "line_file", "plate_file")}
+    found = {name: (path.parent / file).resolve() for name, file in given.items() if file is not None}
+    return pad.model_copy(update={"mesh": pad.mesh.model_copy(update=found)})
 
 
 def _one_line(error: ValidationError) -> str:

@@ -24,19 +24,21 @@ from analysis.fingertip.reduced import PunchPad
 from analysis.fingertip.view import write_vtu
 from analysis.relaxation.published import SOURCE
 
+_NO_ERROR, _ROUNDING = 1e-6, 1e-9
 _KINDS = {"homogeneous": "homogeneous", "layered": "elastic epidermis, viscoelastic core"}
 _CAPTIONS = {
     "force": "Measured relaxation (the mean of the trials) and the calibrated pads, with what they are off by below.",
     "scan": "Left: residual of the best pad at every ratio of core to epidermis; broken line: 0.1 % of A0. "
     "Right: the moduli that go with it.",
-    "sections": "Section in the plane of symmetry, pressed and relaxed, true to scale.",
+    "sections": "Section in the plane of symmetry after the hold, true to scale: epidermis, dermis and fat from "
+    "outside; the bone is rigid and left out.",
 }
 _COMPARE_CAPTIONS = {
     "surface": "Measured deflection with its errors, and each pad pressed as the finger was; below, measured minus pad "
     "with twice the error in grey.",
-    "profile": "How much worse the best pad of a ratio fits than the best of all, thickness of the epidermis left "
-    "free; broken line: where the 95 % interval (grey) ends.",
-    "line_section": "Section in the plane of symmetry under the line, true to scale.",
+    "profile": "How much worse the best pad of a ratio fits than the best of all; broken line: where the 95 % interval "
+    "(grey) ends.",
+    "line_section": "Section in the plane of symmetry under the line, true to scale: epidermis, dermis and fat.",
 }
 
 
@@ -85,7 +87,8 @@ def write_comparison_page(out: Path, found: Located, answers: LineAnswers) -> Pa
         write_vtu(out / f"{name}_line.vtu", answers.model.view, {"displacement_mm": moved})
     write_comparison(out / "compare.json", found, answers.motion)
     half_length_mm = [
-        float(answers.model.place_mm[pressed.pressure_kpa[-1] > 0, 0].max()) for pressed in answers.pressed
+        float(np.abs(answers.model.place_mm[pressed.pressure_kpa[-1] > 0, 0]).max())
+        for pressed in answers.pressed
     ]
     return render(
         out / "compare.html",
@@ -139,15 +142,20 @@ def _cells(pad: CalibratedPad) -> dict[str, Any]:
         "g": [f"{g:.4f}" for g in pad.core.g],
         "times": [_with_error(t, e) for (_, t), e in zip(pad.core.arms, errors[1 + arms :], strict=True)],
         "moduli": [_with_error(m, e) for (m, _), e in zip(pad.core.arms, errors[1 : 1 + arms], strict=True)],
-        "rms": f"{100 * pad.rms_share:.2g}",
-        "worst": f"{100 * pad.worst_share:.2g}",
+        "rms": _per_cent(pad.rms_share),
+        "worst": _per_cent(pad.worst_share),
     }
+
+
+def _per_cent(share: float) -> str:
+    return f"{100 * share:.2g}" if share >= _ROUNDING else "rounding"
 
 
 def _with_error(value: float, log_error: float) -> str:
     """Return a value with the standard error of its logarithm, both to the error's second digit."""
     error = value * float(log_error)
-    if not 0 < error < np.inf:
+    # an error below the digits that are shown is that of a value given without one
+    if not _NO_ERROR * value < error < np.inf:
         return f"{value:.5g}"
     decimals = min(max(1 - int(np.floor(np.log10(error))), 0), 9)
     return f"{value:.{decimals}f} ± {error:.{decimals}f}"

@@ -83,11 +83,10 @@ def feel(settings: PadFile, model: ContactPad, calibrated: CalibratedPad, motion
     time_s, tool_mm = ramp_and_hold(motion.depth_mm, motion.ramp_s, motion.hold_s, _RAMP_STEPS, _HOLD_STEPS)
     materials = calibrated.materials(model.relative)
     pressed = press(model, materials, time_s, tool_mm)
-    borders = np.cumsum([settings.geometry.epidermis_mm.value, settings.geometry.dermis_mm.value])
     arms_before = np.cumsum([0, *(len(m.arms) for m in materials)])
     stored, half = (np.empty((len(model.depth_mm), len(time_s))) for _ in range(2))
     for number, (depth, shapes) in enumerate(zip(model.depth_mm, model.strain, strict=True)):
-        layer = int(np.searchsorted(borders, depth))
+        layer = int(np.searchsorted(model.borders_mm, depth))
         material, nu = materials[layer], nus_of(settings)[layer]
         strain = np.einsum("ijn,tn->tij", shapes, pressed.weights)
         stress = material.relaxed_kpa * _stress(strain, nu)

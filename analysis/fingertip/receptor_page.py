@@ -17,7 +17,7 @@ from analysis.fingertip.view import IntArray, write_vtu
 _NAMES = {"homogeneous": "homogeneous", "layered": "elastic epidermis"}
 _CAPTIONS = {
     "energy": "Strain energy density over time: line, in the middle of the depths; band, over the depths. "
-    "Broken: half of stress times strain.",
+    "Broken: half of stress times strain. Dots, if any: the rate.",
     "depth": "End of the ramp over end of the hold, by depth.",
     "plate_section": "Section in the plane of symmetry under the plate at the end of the hold, true to scale.",
 }
@@ -99,8 +99,12 @@ def _energy(figure: Any, felt: Sequence[Felt], band_mm: tuple[float, float], rat
         if rate is not None:
             beside = axes.twinx()
             beside.plot(rate.time_s, rate.rate_hz, ".", color="black", ms=3)
-            beside.set_ylabel("rate (Hz)")
+            # both scales from nothing, so that what is in proportion looks so
+            beside.set_ylim(0, 1.1 * rate.rate_hz.max() or 1)
+            if one is felt[-1]:
+                beside.set_ylabel("rate (Hz)")
             beside.spines["right"].set_visible(True)
+    panels[0].set_ylim(bottom=0)
     panels[0].set_ylabel("strain energy density (kPa)")
 
 

@@ -14,7 +14,7 @@ from analysis.recordings.trial import FloatArray
 
 POSITION, DEFLECTION, ERROR = "position_mm", "deflection_mm", "deflection_se_mm"
 _FEWEST = 8
-_MOST_MM = 30.0
+_LEAST_MM, _MOST_MM = 0.1, 30.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +43,10 @@ def read_surface(path: Path, depth_mm: float) -> MeasuredSurface:
     if np.abs(position).max() > _MOST_MM:
         raise BadInputError(
             f"{path}: column {POSITION!r} reaches {np.abs(position).max():g}: longer than a finger tip; give mm"
+        )
+    if np.ptp(position) < _LEAST_MM:
+        raise BadInputError(
+            f"{path}: column {POSITION!r} spans only {np.ptp(position):g}: less than a tenth of a millimetre; give mm"
         )
     largest = float(np.abs(deflection).max())
     if largest > 3 * depth_mm:

@@ -1,8 +1,10 @@
 """A mesh of the user's own in place of the parametric pad: any format that meshio reads.
 
-In mm, y out of the pad, tetrahedra. Regions epidermis, dermis, fat; boundaries bone, nail (if any), and what is
-pressed: punch, strip or plate. A boundary symmetry in the plane x = 0 says that the mesh is half of a pad. Names are
-physical groups (Gmsh) or sets of cells (Abaqus and others).
+In mm, y out of the pad, z towards the tip, tetrahedra. Regions epidermis, dermis, fat; boundaries bone, nail (if any),
+and what is pressed: punch to calibrate, strip (0.02 x 5 mm, along x) to compare, plate (all that it may touch) for the
+receptor, in one file or in one for each load. A boundary symmetry in the plane x = 0 says that the mesh is half of a
+pad. Names are physical groups (Gmsh) or sets of cells (Abaqus and others). Under the load the mesh is refined to what
+pad.toml says.
 """
 
 from __future__ import annotations
@@ -14,14 +16,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.errors import BadInputError
-from analysis.fingertip.meshing import PRESSED, SYMMETRY, Load, PadMesh
-from analysis.fingertip.pad_file import LAYERS
+from analysis.fingertip.meshing import (
+    LINE_LENGTH_MM,
+    LINE_WIDTH_MM,
+    PRESSED,
+    SYMMETRY,
+    Load,
+    PadMesh,
+)
+from analysis.fingertip.pad_file import LAYERS, PadFile
+from analysis.fingertip.refining import refine_under
 
+_TOOL_OFF = 0.1
+"""By what share a tool's size may be off: a circle of straight edges, a strip round a finger."""
 _ON_PLANE_MM = 1e-6
 
 
-def read_mesh(path: Path, load: Load, order: int) -> PadMesh:
-    """Read a mesh for a load; BadInputError where it can't be read or lacks a region or boundary."""
+def read_mesh(pad: PadFile, load: Load, path: Path) -> PadMesh:
+    """Read the pad's mesh for a load; BadInputError where it can't be read or lacks a region or boundary."""
     mesh = _read(path)
     regions = _named(mesh, "tetra", 3)
     boundaries = _named(mesh, "triangle", 2)
@@ -32,7 +44,8 @@ def read_mesh(path: Path, load: Load, order: int) -> PadMesh:
         if name not in boundaries:
             raise BadInputError(_lacks(path, "boundary of triangles", name, boundaries))
     points = np.asarray(mesh.points, dtype=float)
-    if SYMMETRY in boundaries:
+    copies = 2 if SYMMETRY in boundaries else 1
+    if copies == 2:
         off = float(np.abs(points[boundaries[SYMMETRY].ravel(), 0]).max())
         if off > _ON_PLANE_MM:
             raise BadInputError(
@@ -41,8 +54,47 @@ def read_mesh(path: Path, load: Load, order: int) -> PadMesh:
     size_mm = float(np.ptp(points, axis=0).max())
     if not 1 <= size_mm <= 100:
         raise BadInputError(f"{path}: the pad is {size_mm:.3g} mm long: give the points in mm")
-    built = _build(points, regions, boundaries)
-    return PadMesh(built, load, PRESSED[load], 2 if SYMMETRY in boundaries else 1, None, order)
+    _check_tool(path, pad, load, points[boundaries[PRESSED[load]]], copies)
+    # boundaries of other loads may share faces with this one's
+    used = {
+        name: boundaries[name] for name in ("bone", "nail", SYMMETRY, PRESSED[load]) if name in boundaries
+    }
+    _check_apart(path, used)
+    built = _build(points, regions, used)
+    refine_under(path, built, load, pad.mesh.contact_size_mm, pad.mesh.size_mm)
+    return PadMesh(built, load, PRESSED[load], copies, None, pad.mesh.order, file=path)
+
+
+def _check_apart(path: Path, boundaries: dict[str, NDArray[np.int64]]) -> None:
+    owner: dict[tuple[int, ...], str] = {}
+    for name, faces in boundaries.items():
+        for face in np.sort(faces, axis=1).tolist():
+            first = owner.setdefault(tuple(face), name)
+            if first != name:
+                raise BadInputError(
+                    f"{path}: boundaries {first!r} and {name!r} share a triangle: it can be in one only"
+                )
+
+
+def _check_tool(path: Path, pad: PadFile, load: Load, faces: NDArray[np.float64], copies: int) -> None:
+    """Raise BadInputError where the boundary that is pressed (F, 3, 3) mm is not of the tool's size."""
+    extent = np.ptp(faces.reshape(-1, 3), axis=0)
+    if load == "punch":
+        across = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
+        whole = copies * float(np.linalg.norm(across, axis=1).sum()) / 2
+        wanted = np.pi * pad.punch.diameter_mm**2 / 4
+        if abs(whole / wanted - 1) > _TOOL_OFF:
+            raise BadInputError(
+                f"{path}: boundary 'punch' has {whole:.3g} mm2, a punch of {pad.punch.diameter_mm:g} mm has "
+                f"{wanted:.3g}: mark the skin under the punch, or change punch.diameter_mm"
+            )
+    if load == "line":
+        length, width = copies * extent[0], extent[2]
+        if max(abs(length / LINE_LENGTH_MM - 1), abs(width / LINE_WIDTH_MM - 1)) > _TOOL_OFF:
+            raise BadInputError(
+                f"{path}: boundary 'strip' reaches over {length:.3g} mm along x and {width:.2g} along z, the "
+                f"line load over {LINE_LENGTH_MM:g} and {LINE_WIDTH_MM:g}: mark that strip of skin"
+            )
 
 
 def _read(path: Path) -> Any:

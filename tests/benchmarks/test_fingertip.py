@@ -24,7 +24,7 @@ from analysis.fingertip.contact_pad import ContactPad, cut_patches, press_patche
 from analysis.fingertip.elastic import ElasticPad
 from analysis.fingertip.fits_file import MeasuredTrial
 from analysis.fingertip.line_load import LineMotion, answer_lines
-from analysis.fingertip.meshing import PLATE, PUNCH
+from analysis.fingertip.meshing import PLATE, PUNCH, mesh_pad
 from analysis.fingertip.pad_file import PadFile, read_pad
 from analysis.fingertip.punch import full_punch_pad, punch_pad
 from analysis.fingertip.receptor import PlateMotion, drop, feel, plate_pad
@@ -68,6 +68,23 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def _meshed(pad: PadFile, **sizes: Any) -> PadFile:
     return pad.model_copy(update={"mesh": pad.mesh.model_copy(update=sizes)})
+
+
+def test_patch(pad: PadFile) -> None:
+    """Any linear displacement, on the bent elements of the mesh that ships, is answered to rounding."""
+    off, free = _beside("known_bodies").patch_test(mesh_pad(pad, "punch"))
+    print(
+        f"\npatch test: off by {off:.1e} of the largest displacement over {free} free unknowns; at most 1e-10"
+    )
+    assert off < 1e-10
+
+
+def test_prony_bar(pad: PadFile) -> None:
+    """Three slabs in series, the first elastic, against Laplace's inverse; and all three of one material."""
+    layered, single = _beside("known_bodies").prony_bar()
+    print(f"\nProny bar, 10 ms to 20 s after a step: elastic slab on two that relax off by {layered:.1e}, one material "
+          f"by {single:.1e}; at most 1e-4")  # fmt: skip
+    assert max(layered, single) < 1e-4
 
 
 def test_half_space(pad: PadFile) -> None:

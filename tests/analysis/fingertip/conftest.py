@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+import importlib.util
+import json
+import re
+import sys
+from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -11,14 +17,15 @@ pytest.importorskip("ngsolve")
 
 from analysis.fingertip.commands import need_solver
 from analysis.fingertip.fits_file import MeasuredTrial
-from analysis.fingertip.pad_file import PadFile, read_pad
+from analysis.fingertip.meshing import PadMesh, mesh_pad
+from analysis.fingertip.pad_file import PadFile, example_text, read_pad
 from analysis.fingertip.punch import punch_pad
 from analysis.fingertip.reduced import PunchPad
 
 
 def coarse(pad: PadFile) -> PadFile:
     """Return the pad with a mesh for tests: a second's work."""
-    sizes = {"order": 2, "contact_size_mm": 0.05, "size_mm": 1.2}
+    sizes = {"order": 2, "contact_size_mm": 0.05, "size_mm": 1.0, "grading": 0.7}
     return pad.model_copy(update={"mesh": pad.mesh.model_copy(update=sizes)})
 
 
@@ -27,6 +34,45 @@ def coarse_pad() -> PadFile:
     """The shipped pad on a coarse mesh."""
     need_solver()
     return coarse(read_pad(None))
+
+
+@pytest.fixture(scope="session")
+def flat_pad(coarse_pad: PadFile) -> PadFile:
+    """The same with flat elements of order 1: a file of corners says all of such a mesh."""
+    return coarse_pad.with_order(1)
+
+
+@pytest.fixture(scope="session")
+def punch_mesh(coarse_pad: PadFile) -> PadMesh:
+    """The coarse pad's mesh under the punch."""
+    return mesh_pad(coarse_pad, "punch")
+
+
+def _beside(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
+    assert spec is not None
+    assert spec.loader is not None
+    module = sys.modules[name] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="session")
+def bodies() -> ModuleType:
+    """Bodies whose answers are known."""
+    return _beside("known_bodies")
+
+
+@pytest.fixture(scope="session")
+def full_march() -> ModuleType:
+    """The pad without short cuts."""
+    return _beside("full_march")
+
+
+@pytest.fixture(scope="session")
+def written() -> ModuleType:
+    """Meshes written to files."""
+    return _beside("written_mesh")
 
 
 @pytest.fixture(scope="session")
@@ -48,3 +94,40 @@ def measured() -> MeasuredTrial:
         "trial", "index", "ramp", 0.4, 0.08, 7.0, 120.0 * np.array([1.0, 0.371, 0.294]),
         np.array([2.279, 0.149]), np.diag([0.05, 0.1, 0.1, 2e-3, 3e-3]) ** 2,
     )  # fmt: skip
+
+
+@pytest.fixture(scope="session")
+def pad_text() -> Callable[[PadFile], str]:
+    """The shipped pad.toml with a pad's mesh."""
+
+    def text_of(pad: PadFile) -> str:
+        text = example_text()
+        for name in ("order", "size_mm", "contact_size_mm", "grading"):
+            there = rf"^{name} += [\d.]+"
+            text, count = re.subn(there, f"{name} = {getattr(pad.mesh, name)}", text, flags=re.MULTILINE)
+            assert count == 1
+        return text
+
+    return text_of
+
+
+@pytest.fixture(scope="session")
+def fits_of() -> Callable[[Path, MeasuredTrial], Path]:
+    """What `indenter fit` writes of a trial."""
+
+    def written(folder: Path, measured: MeasuredTrial) -> Path:
+        arms = len(measured.times_s)
+        covariance = np.zeros((4 + 2 * arms, 4 + 2 * arms))
+        rows = [*range(1 + arms), *range(2 + arms, 2 + 2 * arms)]
+        covariance[np.ix_(rows, rows)] = measured.covariance
+        row = {
+            "file": measured.file, "finger": "index", "failure": "", "discarded": "", "model": "ramp",
+            "depth_mm": 0.4, "ramp_s": 0.08, "hold_s": 7.0, "estimates": {},
+            "solid": {"stiffness_mn_per_mm": measured.stiffness_mn_per_mm.tolist(),
+                      "times_s": measured.times_s.tolist(), "covariance": covariance.tolist()},
+        }  # fmt: skip
+        path = folder / "fits.json"
+        path.write_text(json.dumps({"format": "indenter-fits", "trials": [row]}))
+        return path
+
+    return written

@@ -42,6 +42,8 @@ def _refused(capsys, arguments):
         (r"tip_length_mm += .*", "", "geometry.tip_length_mm is missing"),
         (r"order += 3", "ordre = 3", "unknown key 'mesh.ordre'"),
         (r"order += 3", "order = [", "not valid TOML"),
+        (r"order += 3", "order = 1", "mesh.order = 1: .* greater than or equal to 2"),
+        (r'# line_file = "line.msh"', 'line_file = "line.msh"', "mesh: line_file or plate_file without file"),
         (r"contact_z_mm += \{ value = -1.0", "contact_z_mm = { value = 1.0", "must lie on the tube"),
         (r'# file = "pad.msh"', 'file = "nowhere.msh"', "nowhere.msh: can't be read"),
     ],

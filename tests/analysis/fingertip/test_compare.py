@@ -1,10 +1,7 @@
 from __future__ import annotations
 
-import importlib.util
 import json
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +12,7 @@ from analysis.fingertip.calibration_file import Calibration
 from analysis.fingertip.compare import locate
 from analysis.fingertip.contact import press, ramp_and_hold, touching_pressure
 from analysis.fingertip.line_load import LineMotion, answer_lines
+from analysis.fingertip.meshing import mesh_pad
 from analysis.fingertip.page import write_comparison_page
 from analysis.fingertip.punch import punch_pad
 from analysis.fingertip.reduced import chebyshev_ratios
@@ -23,15 +21,6 @@ from analysis.fingertip.viscoelastic import relaxation
 
 _PLACES_MM = np.concatenate([-np.arange(0.2, 3.01, 0.1)[::-1], np.arange(0.2, 3.01, 0.1)])
 _NOISE_MM = 0.005
-
-
-@pytest.fixture(scope="session")
-def full_march():
-    path = Path(__file__).with_name("full_march.py")
-    spec = importlib.util.spec_from_file_location("full_march", path)
-    module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 @pytest.fixture(scope="session")
@@ -93,6 +82,7 @@ def test_a_stiffer_core_leaves_a_narrower_trough(answers):
     assert (answers.homogeneous_at(at) < by_ratio[1]).all()
 
 
+@pytest.mark.slow
 def test_a_concealed_ratio_is_found_and_the_homogeneous_pad_fails(
     coarse_pad, measured, answers, full_march, tmp_path
 ):
@@ -178,6 +168,10 @@ def test_a_homogeneous_pad_relaxes_under_the_line_as_its_material(answers):
             "position_mm,deflection_mm\n" + "".join(f"{i}00,0.1\n" for i in range(9)),
             "longer than a finger tip",
         ),
+        (
+            "position_mm,deflection_mm\n" + "".join(f"{i}e-3,0.1\n" for i in range(9)),
+            "spans only 0.008: .* give mm",
+        ),
         ("position_mm,deflection_mm\n1,x\n", "line 2: not a number"),
         ("position_mm,deflection_mm\n1,nan\n", "line 2: not a finite number"),
         ("position_mm,deflection_mm\n1,0.1\n", "1 places; at least 8"),
@@ -189,6 +183,15 @@ def test_a_wrong_surface_file(tmp_path, text, said):
     path.write_text(text)
     with pytest.raises(BadInputError, match=said):
         read_surface(path, 0.5)
+
+
+def test_a_line_wider_than_the_pad_is_told(coarse_pad):
+    width = coarse_pad.geometry.half_width_mm.model_copy(update={"value": 2.4})
+    narrow = coarse_pad.model_copy(
+        update={"geometry": coarse_pad.geometry.model_copy(update={"half_width_mm": width})}
+    )
+    with pytest.raises(BadInputError, match=r"half_width_mm = 2\.4: the line of 5 mm is as wide as the pad"):
+        mesh_pad(narrow, "line")
 
 
 def test_pressing_nothing_gives_nothing(answers):

@@ -1,38 +1,19 @@
 from __future__ import annotations
 
-import json
-import re
-
 import meshio
 import numpy as np
 import pytest
 
 from analysis.fingertip.calibration_file import read_calibration
-from analysis.fingertip.pad_file import example_text
 from rig.cli import main
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory, coarse_pad, measured, punch, cache):
+def folder(tmp_path_factory, coarse_pad, measured, punch, cache, pad_text, fits_of):
     """A folder that `indenter fingertip calibrate` wrote; the pad under the punch is in the cache already."""
     folder = tmp_path_factory.mktemp("calibrated")
-    text = example_text()
-    for name in ("order", "size_mm", "contact_size_mm"):
-        text = re.sub(
-            rf"^{name} = [\d.]+", f"{name} = {getattr(coarse_pad.mesh, name)}", text, flags=re.MULTILINE
-        )
-    (folder / "pad.toml").write_text(text)
-    arms = len(measured.times_s)
-    covariance = np.zeros((4 + 2 * arms, 4 + 2 * arms))
-    rows = [*range(1 + arms), *range(2 + arms, 2 + 2 * arms)]
-    covariance[np.ix_(rows, rows)] = measured.covariance
-    row = {
-        "file": measured.file, "finger": "index", "failure": "", "discarded": "", "model": "ramp", "depth_mm": 0.4,
-        "ramp_s": 0.08, "hold_s": 7.0, "estimates": {},
-        "solid": {"stiffness_mn_per_mm": measured.stiffness_mn_per_mm.tolist(),
-                  "times_s": measured.times_s.tolist(), "covariance": covariance.tolist()},
-    }  # fmt: skip
-    (folder / "fits.json").write_text(json.dumps({"format": "indenter-fits", "trials": [row]}))
+    (folder / "pad.toml").write_text(pad_text(coarse_pad))
+    fits_of(folder, measured)
     calls = [
         "calibrate",
         folder / "fits.json",

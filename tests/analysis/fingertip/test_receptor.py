@@ -67,6 +67,14 @@ def test_work_done_is_stored_or_lost(felt):
     assert 0.8 * work < stored < work
 
 
+def test_no_depth_is_in_two_layers(felt, coarse_pad):
+    """A ball across a border has the strain of both, and one modulus: the drop jumped there."""
+    epidermis_mm = coarse_pad.geometry.epidermis_mm.value
+    assert np.abs(felt.depth_mm - epidermis_mm).min() > 0.03
+    ratios = drop(felt.stored, felt.time_s, MOTION)[felt.depth_mm > epidermis_mm]
+    assert np.abs(np.diff(ratios)).max() < 0.05
+
+
 def test_the_table_and_the_rates(felt, tmp_path):
     write_energies(tmp_path / "receptor.csv", [felt])
     lines = (tmp_path / "receptor.csv").read_text().splitlines()

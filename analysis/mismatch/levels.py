@@ -71,3 +71,6 @@ LINE_LEVEL = 1e-6
 
 FEW_TRIALS = 8
 """Trials below which the report says that they are few."""
+
+FEWEST_HELD_OUT = 3
+"""Trials of which one can be held out; fewer show neither slow noise nor what comes in each trial anew."""

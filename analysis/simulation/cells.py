@@ -28,7 +28,8 @@ REST_CELL_S = 0.008
 REST_CELLS = 8000
 """A recording of minutes is cut no finer at rest than into so many cells."""
 LARGEST_STEP_MM = 0.0025
-MOVING_MM_S = 0.05
+MOVING_MM_S, MOVING_SHARE = 0.05, 0.05
+"""Speed from which the arm moves: of a slow instrument this share of the largest in the trial."""
 TRAVEL_MIDDLE_MM = 5.0
 
 
@@ -44,7 +45,8 @@ class CellTrial:
     ``phase`` indexes PHASE_NAMES (-1: none).
     ``condition`` is what was stated of the trial, and which of the motions that were run so is its own.
     ``pressed_before`` holds the indentations before this one: depth (mm) and how long before the first sample it
-    ended (s). ``study_depth_mm`` is the largest depth of all trials that are compared.
+    ended (s). ``study_depth_mm`` is the largest depth of all trials that are compared (in the air: the travel).
+    ``lever`` tells whether the tip is that of a lever arm.
     """
 
     label: str
@@ -72,6 +74,7 @@ class CellTrial:
     pressed_before: tuple[tuple[float, float], ...] = ()
     target_stiffness_mn_per_mm: float | None = None
     study_depth_mm: float = 1.0
+    lever: bool = True
     fitted: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
 
     @property
@@ -124,15 +127,22 @@ class CellTrial:
         return mask
 
 
+def moves(velocity_mm_s: FloatArray) -> NDArray[np.bool_]:
+    """Whether the arm moves, (n,)."""
+    speed = np.abs(velocity_mm_s)
+    return np.asarray(speed > min(MOVING_MM_S, MOVING_SHARE * float(speed.max(initial=0.0))))
+
+
 def _cell_starts(trial: Trial, motion: Motion, z0_mm: float, offset_mn: float) -> IntArray:
     """Cut the samples into cells; return the first sample of each."""
     rate, n = trial.sample_rate_hz, trial.n_samples
     speed = np.abs(motion.velocity_mm_s)
     length = np.full(n, max(1, round(max(REST_CELL_S, n / rate / REST_CELLS) * rate)), dtype=np.int64)
-    length[speed > MOVING_MM_S] = max(1, round(MOVING_CELL_S * rate))
+    moving = moves(motion.velocity_mm_s)
+    length[moving] = max(1, round(MOVING_CELL_S * rate))
     allowed = np.maximum(1, np.floor(LARGEST_STEP_MM * rate / np.maximum(speed, 1e-9)))
     near_skin = motion.position_mm > z0_mm - 0.1
-    quick = near_skin & (speed > MOVING_MM_S)
+    quick = near_skin & moving
     length[quick] = np.minimum(length[quick], np.minimum(allowed[quick], 1e6).astype(np.int64))
     for reach_s, cell_s in ((MEDIUM_S, MEDIUM_CELL_S), (FINE_S, 0.0)):
         reach, cell = max(1, round(reach_s * rate)), max(1, round(cell_s * rate))
@@ -269,6 +279,8 @@ def reduce_trial(
         has_command=command is not None,
         pressed_before=pressed_before,
         target_stiffness_mn_per_mm=trial.specimen.target_stiffness_mn_per_mm,
-        study_depth_mm=max(abs(reached - z0_mm), 1e-9),
+        study_depth_mm=max(
+            float(np.ptp(motion.position_mm)) if trial.kind == "air_sweep" else abs(reached - z0_mm), 1e-9
+        ),
         fitted=fitted,
     )

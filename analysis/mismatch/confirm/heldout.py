@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.mismatch.evidence.account import Account
-from analysis.mismatch.evidence.heldout import FEWEST_HELD_OUT, heldout_deviance
+from analysis.mismatch.evidence.heldout import heldout_deviance
 from analysis.mismatch.evidence.signflip import flip_test
 from analysis.mismatch.fit.gram import solve
+from analysis.mismatch.levels import FEWEST_HELD_OUT
 from analysis.mismatch.model.effects import TISSUE_SIZE
 
 FloatArray = NDArray[np.float64]

@@ -8,13 +8,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.mismatch.evidence.heldout import FEWEST_HELD_OUT, predictive_deviance
+from analysis.mismatch.evidence.heldout import predictive_deviance
 from analysis.mismatch.fit.baseline import reweighed
 from analysis.mismatch.fit.gram import Grams, gram
 from analysis.mismatch.fit.law_fit import fit_laws, known_beforehand, law_columns
 from analysis.mismatch.fit.noise import NoiseModel
 from analysis.mismatch.fit.study_fit import StudyFit
-from analysis.mismatch.levels import INEXACT, ROUGH
+from analysis.mismatch.levels import FEWEST_HELD_OUT, INEXACT, ROUGH
 from analysis.mismatch.model.effects import Law, OwnShape, TrialState, simulate
 from analysis.recordings.trial import PHASE_NAMES
 

@@ -9,12 +9,11 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_solve, solve_triangular
 
 from analysis.mismatch.fit.gram import Grams, solve
+from analysis.mismatch.levels import FEWEST_HELD_OUT
 from analysis.mismatch.model.effects import TISSUE_SIZE
 from analysis.mismatch.model.population import DECADE
 
 FloatArray = NDArray[np.float64]
-
-FEWEST_HELD_OUT = 3
 
 
 def heldout_deviance(grams: Grams, added: Sequence[int]) -> FloatArray:

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.mismatch.fit.noise import NoiseModel, measure_noise
-from analysis.mismatch.fit.slow_noise import FEWEST, with_slow_noise
+from analysis.mismatch.fit.slow_noise import with_slow_noise
 from analysis.mismatch.fit.start import start_rigid, start_tissue
 from analysis.mismatch.fit.study_fit import StudyFit, all_equal
 from analysis.mismatch.fit.whitener import Whitener
+from analysis.mismatch.levels import FEWEST_HELD_OUT
 from analysis.mismatch.model.effects import OwnShape, Shared, TrialState, simulate
 from analysis.mismatch.model.population import Population
 from analysis.simulation.cells import CellTrial
@@ -96,12 +97,12 @@ def noise_of(fit: StudyFit) -> NoiseModel:
     if not stretches:
         stretches = [fit.full_residual_mn(j) for j in range(len(fit.trials))]
     noise = measure_noise(stretches, rates[0])
-    if len(fit.trials) >= FEWEST:
+    if len(fit.trials) >= FEWEST_HELD_OUT:
         return noise
     # one or two trials can't tell slow noise from what a law leaves over: all of it is weighed as if it were white,
     # and no smaller than the residual itself, or what is quiet at rest would make a law's own inexactness infinite
     slow = 2.0 * rates[0] * sum(variance * time_s for variance, time_s in noise.parts)
-    left = np.concatenate([fit.full_residual_mn(j) for j in range(len(fit.trials))])
+    left = np.concatenate([np.sqrt(t.counts) * fit.residual_mn(j) for j, t in enumerate(fit.trials)])
     return NoiseModel(float(max(np.sqrt(noise.white_mn**2 + slow), np.sqrt(np.mean(left**2)))))
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
 
 from analysis.mismatch.fit.gram import gram
 from analysis.mismatch.fit.study_fit import StudyFit
@@ -24,6 +25,8 @@ STEP = 1e-3
 ROUNDS = 10
 DONE = 0.3
 LARGEST_LOG_STEP = 0.7
+LARGEST_TISSUE_STEP = 0.5
+NO_ROOM = 1e-12
 INNER_LOG = 1.5
 """An inner parameter on a logarithm is known to so much before a fit, from the textbook's value."""
 SIZE_LOG = 3.0
@@ -142,10 +145,7 @@ def fit_laws(fit: StudyFit, rounds: int = ROUNDS) -> StudyFit:
         gained = 0.0
         for _ in range(6):
             C = A / np.outer(scale, scale) + (damping + 1e-12) * np.eye(size)
-            step = np.linalg.solve(C, b / scale) / scale
-            step[:TISSUE_SIZE] = np.clip(step[:TISSUE_SIZE], -0.5, 0.5)
-            step[TISSUE_SIZE:] = _limited(fit.shared.laws, step[TISSUE_SIZE:])
-            tried = _stepped(fit, step)
+            tried = _stepped(fit, bounded_step(fit.shared, C, b / scale, scale))
             new = cost(tried)
             if new < now:
                 gained = now - new
@@ -157,10 +157,30 @@ def fit_laws(fit: StudyFit, rounds: int = ROUNDS) -> StudyFit:
     return fit
 
 
-def _limited(laws: Sequence[Law], step: FloatArray) -> FloatArray:
-    scales = [p.scale for law in laws for p in law.parameters]
-    largest = np.where([*(s == "log" for s in scales), False], LARGEST_LOG_STEP, np.inf)
-    return np.clip(step, -largest, largest)
+def bounded_step(shared: Shared, C: FloatArray, b: FloatArray, scale: FloatArray) -> FloatArray:
+    """Return the step (5 + P,) nearest to C (step * scale) = b, C positive definite, that keeps within all bounds.
+
+    Stopped at a bound after the others' step was found, a parameter would leave them where none of them alone should go
+    (Stark and Parker, Comput. Stat. 10:129, 1995).
+    """
+    L = np.linalg.cholesky(C)
+    lower, upper = _largest_steps(shared)
+    solved = lsq_linear(L.T, np.linalg.solve(L, b), (lower * scale, upper * scale), method="bvls")
+    return np.asarray(solved.x / scale)
+
+
+def _largest_steps(shared: Shared) -> tuple[FloatArray, FloatArray]:
+    """Return how far down and up (5 + P,) tissue and free parameters may go in one step."""
+    values = vector(shared)
+    ends = [sorted((p.to_fit(p.lower), p.to_fit(p.upper))) for law in shared.laws for p in law.parameters]
+    ends.append([-MOST_DELAY_SAMPLES, MOST_DELAY_SAMPLES])
+    logarithmic = [p.scale == "log" for law in shared.laws for p in law.parameters]
+    most = np.where([*logarithmic, False], LARGEST_LOG_STEP, np.inf)
+    lower = np.minimum(np.maximum(np.array([e[0] for e in ends]) - values, -most), 0.0)
+    upper = np.maximum(np.minimum(np.array([e[1] for e in ends]) - values, most), 0.0)
+    tissue = np.full(TISSUE_SIZE, LARGEST_TISSUE_STEP)
+    # a parameter without room on either side would leave nothing between its bounds
+    return np.concatenate([-tissue, lower - NO_ROOM]), np.concatenate([tissue, upper + NO_ROOM])
 
 
 def _stepped(fit: StudyFit, step: FloatArray) -> StudyFit:

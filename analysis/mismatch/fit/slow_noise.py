@@ -10,9 +10,9 @@ from analysis.mismatch.fit.noise import FASTEST_SLOW_S, NoiseModel
 from analysis.mismatch.fit.own import from_mean, log_determinant, own_columns
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.fit.whitener import Whitener
+from analysis.mismatch.levels import FEWEST_HELD_OUT
 from analysis.mismatch.model.effects import TISSUE_SIZE
 
-FEWEST = 3
 LADDER = 4.0
 """Ratio of neighbouring times: a sum of Ornstein-Uhlenbeck parts so spaced is a power law within a few per cent."""
 EXPONENTS = (0.0, 0.5, 1.0)
@@ -64,7 +64,7 @@ def with_slow_noise(fit: StudyFit, near: NoiseModel) -> StudyFit:
     It is looked for about that of the noise ``near``, or from none upwards where that has none.
     A wander slower than a hold can't be seen in a residual from which a tissue was fitted.
     """
-    if len(fit.trials) < FEWEST:
+    if len(fit.trials) < FEWEST_HELD_OUT:
         return fit
     fast = fit.noise
     best, smallest = fast, restricted_deviance(fit, fast) - NOTHING_GAINED

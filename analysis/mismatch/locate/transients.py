@@ -11,7 +11,7 @@ from scipy.special import logsumexp
 
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.recordings.trial import PHASE_NAMES
-from analysis.simulation.cells import MOVING_MM_S, CellTrial
+from analysis.simulation.cells import CellTrial, moves
 
 FloatArray = NDArray[np.float64]
 
@@ -101,7 +101,7 @@ def at_rest(fit: StudyFit, j: int) -> NDArray[np.bool_]:
     trial, state = fit.trials[j], fit.states[j]
     n = len(trial.full_force_mn)
     samples = np.arange(n) / trial.sample_rate_hz
-    moving = trial.time_s[np.abs(trial.velocity_mm_s) > MOVING_MM_S]
+    moving = trial.time_s[moves(trial.velocity_mm_s)]
     steps = np.array([s.at for s in state.shapes if s.acts != "force" and not s.kind and s.at > 0])
     return ~(_near(samples, moving) | _near(samples, steps))
 

@@ -109,26 +109,22 @@ def delayed(trial: CellTrial, force_mn: FloatArray) -> FloatArray:
 
 def simulate(trial: CellTrial, state: TrialState, shared: Shared) -> FloatArray:
     """Return the force (n,) of a trial, mN."""
-    surface: FloatArray | float = 0.0
-    lost: FloatArray | float = 0.0
-    force: FloatArray | float = 0.0
+    added: dict[Acts, FloatArray] = {}
     for s, c in zip(state.shapes, state.coefficients, strict=True):
-        if s.acts == "surface":
-            surface = surface + c * s.shape
-        elif s.acts == "share":
-            lost = lost + c * s.shape
+        if s.acts in added:
+            added[s.acts] += c * s.shape
         else:
-            force = force + c * s.shape
+            added[s.acts] = c * s.shape
     simulated = simulate_force(
         trial,
         state.tissue,
         PerTrial(state.z0_mm, state.offset_mn),
         [(a.mechanism, a.values) for a in shared.laws],
         rigid_stiffness=shared.rigid_stiffness,
-        surface_mm=surface,
-        lost_share=lost,
+        surface_mm=added.get("surface", 0.0),
+        lost_share=added.get("share", 0.0),
         ideal_step=shared.ideal_step,
     )
     if shared.delay_samples:
         simulated = simulated + shared.delay_samples * delayed(trial, simulated)
-    return force + simulated
+    return simulated + added.get("force", 0.0)

@@ -182,7 +182,7 @@ def whole_law(law: Law, found: dict[str, Quantity], depth_mm: float) -> dict[str
     bent = min(p.value - 1.0, 0.99)
     b = bent / (1.0 - bent) / (0.5 * depth_mm)
     slope = 1.0 / (1.0 - bent) ** 2 / (0.5 * depth_mm)
-    return {"coefficient_per_mm": Quantity(b, slope * p.se, "1/mm"), "exponent": p}
+    return {"exponent": p, "coefficient_per_mm": Quantity(b, slope * p.se, "1/mm")}
 
 
 def own_sizes(account: Account, mechanism: Mechanism) -> dict[str, Quantity]:

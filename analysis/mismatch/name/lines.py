@@ -11,7 +11,7 @@ from scipy.ndimage import median_filter
 from scipy.stats import gamma
 
 from analysis.mismatch.fit.study_fit import StudyFit, all_equal
-from analysis.mismatch.levels import LINE_LEVEL
+from analysis.mismatch.levels import FEWEST_HELD_OUT, LINE_LEVEL
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.mechanism import library
 
@@ -91,8 +91,9 @@ def find_lines(fit: StudyFit) -> list[Line]:
 
 
 def _at_rest(fit: StudyFit, j: int) -> FloatArray | None:
+    """Return a trial's residual at rest; in the air in motion too, if there are more: one may have lines of its own."""
     trial = fit.trials[j]
-    for name in ("hold", "sweep", "dwell"):
+    for name in ("hold", "sweep", "dwell") if len(fit.trials) >= FEWEST_HELD_OUT else ("hold", "dwell"):
         cells = np.flatnonzero(trial.in_phase(name))
         if len(cells) > 4:
             a, b = int(trial.starts[cells[0]]), int(trial.starts[cells[-1]])

@@ -8,17 +8,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis.mismatch.evidence.account import Account
-from analysis.mismatch.evidence.heldout import FEWEST_HELD_OUT, predictive_deviance
+from analysis.mismatch.evidence.heldout import predictive_deviance
 from analysis.mismatch.fit.gram import gram, solve
 from analysis.mismatch.fit.law_fit import fit_laws
 from analysis.mismatch.fit.settled import settled_columns
+from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import (
     CLOSE,
     ENOUGH_OWN,
     ENOUGH_SHARED,
+    FEWEST_HELD_OUT,
     INEXACT,
     MOST_EFFECTS,
     REFITTED,
+    ROUGH,
     STARTS,
 )
 from analysis.mismatch.model.dictionary import Template, templates
@@ -65,7 +68,7 @@ def search(account: Account) -> Named:
     rivals: dict[str, tuple[Rival, ...]] = {}
     start = account
     while len(account.names) < MOST_EFFECTS:
-        step = considered(account, account.gain_over(start)[0])
+        step = considered(account, start)
         if not step:
             break
         best = step[0]
@@ -74,28 +77,34 @@ def search(account: Account) -> Named:
     return Named(account, {name: rivals[name] for name in account.names})
 
 
-def considered(account: Account, explained: float) -> tuple[Rival, ...]:
+def considered(account: Account, nothing: Account) -> tuple[Rival, ...]:
     """Return the effects worth adding, refitted, best first; none where the best has not enough evidence.
 
-    Present laws have ``explained`` so many nats. Right to a tenth they leave a hundredth of that, right to a third
-    a tenth, and what they leave names no other; a law with which they are right was missing.
+    ``nothing`` is the account without effects: what the present laws gain over it they explain. Right to a tenth they
+    leave a hundredth of that, right to a third a tenth, and what they leave names no other; a law with which they are
+    right was missing.
 
     Each is weighed with the noise that itself leaves: an effect that was taken for noise would hide itself.
     """
+    explained = account.gain_over(nothing)[0]
     least = CLOSE * left_over(explained)
-    options = worth_trying(law_options(account), least)
+    few = len(account.fit.trials) < FEWEST_HELD_OUT
+    options = worth_trying(law_options(account, nothing), least, few)
     # what was taken for slow noise is found where none is granted; most of all what comes in each trial anew
     quick = account.quick()
     if quick is not account:
         found_already = {o.name for o in options}
-        options += [o for o in worth_trying(law_options(quick), least) if o.name not in found_already]
-    options += worth_trying(own_options(quick), least)
+        options += [
+            o for o in worth_trying(law_options(quick, nothing), least, few) if o.name not in found_already
+        ]
+    options += worth_trying(own_options(quick), least, few)
     found: list[Rival] = []
     for option in options:
         refitted = option.refit().reweighed()
         gain, error = refitted.gain_over(account)
-        # a gain below its error is one trial's, at the cost of others
-        if gain >= max(option.enough, error, left_over(explained, refitted.inexact)):
+        # a gain below its error is one trial's, at the cost of others; of few trials none can say how exact a law is
+        left = left_over(explained, ROUGH if few else refitted.inexact)
+        if gain >= max(option.enough, error, left):
             found.append(Rival(option.name, gain, error, refitted))
     return tuple(sorted(found, key=lambda r: -r.gain))
 
@@ -105,10 +114,14 @@ def left_over(explained: float, inexact: float = INEXACT) -> float:
     return max(INEXACT, inexact) ** 2 * explained
 
 
-def worth_trying(options: list[Option], least: float) -> list[Option]:
-    """Return the few effects with most linear evidence that have enough of it, half of which the line may miss."""
+def worth_trying(options: list[Option], least: float, few: bool) -> list[Option]:
+    """Return the few effects with most linear evidence that have enough of it, half of which the line may miss.
+
+    All that have enough where trials are ``few``: there much is far from linear, and a refit costs little.
+    """
     best = sorted(options, key=lambda o: -o.nats)
-    return [o for o in best if o.nats > max(0.5 * o.enough, least, CLOSE * best[0].nats)][:REFITTED]
+    enough = [o for o in best if o.nats > max(0.5 * o.enough, least)]
+    return enough if few else [o for o in enough if o.nats > CLOSE * best[0].nats][:REFITTED]
 
 
 def pruned(account: Account, newest: str) -> Account:
@@ -122,7 +135,7 @@ def pruned(account: Account, newest: str) -> Account:
     return account
 
 
-def law_options(account: Account) -> list[Option]:
+def law_options(account: Account, nothing: Account) -> list[Option]:
     """Return the laws that might be added, weighed beside what the present laws may leave over."""
     fit = account.fit
     wanted = templates(fit.trials, account.names)
@@ -154,21 +167,38 @@ def law_options(account: Account) -> list[Option]:
         for other in found[1:]:
             if len(starts) < STARTS and all(abs(other[1] - f[1]) >= len(found) / STARTS for f in starts):
                 starts.append(other)
-        options.append(Option(name, found[0][0], ENOUGH_SHARED, _law_refit(account, wanted, starts)))
+        options.append(Option(name, found[0][0], ENOUGH_SHARED, _law_refit(account, nothing, wanted, starts)))
     return options
 
 
 def _law_refit(
-    account: Account, wanted: list[Template], starts: list[tuple[float, int, float]]
+    account: Account, nothing: Account, wanted: list[Template], starts: list[tuple[float, int, float]]
 ) -> Callable[[], Account]:
     def refit() -> Account:
-        laws, exact = account.fit.shared.laws, account.exact
-        shared = [replace(exact.fit.shared, laws=(*laws, wanted[k].as_law(c))) for _, k, c in starts]
+        exact = account.exact
+        fits = [
+            replace(f, shared=replace(f.shared, laws=(*f.shared.laws, wanted[k].as_law(c))))
+            for _, k, c in starts
+            for f in (exact.fit, *_anew(account, nothing))
+        ]
         # the population moves little: it is left alone until the best start is known
-        tried = [fit_laws(replace(exact.fit, shared=s), rounds=FIRST_ROUNDS) for s in shared]
-        return exact.with_laws(min(tried, key=lambda f: f.cost).shared.laws)
+        best = min((fit_laws(f, rounds=FIRST_ROUNDS) for f in fits), key=lambda f: f.cost)
+        return replace(exact, fit=best).with_laws(best.shared.laws)
 
     return refit
+
+
+def _anew(account: Account, nothing: Account) -> list[StudyFit]:
+    """Return from where a present law is refitted beside where it stands: of one or two trials, from the textbook.
+
+    There nothing keeps the first law, and the trial's own parameters with it, from standing for one still missing.
+    """
+    fit = account.exact.fit
+    if len(fit.trials) >= FEWEST_HELD_OUT or len(fit.shared.laws) != 1:
+        return []
+    start = nothing.fit.weighed_by(fit.noise)
+    textbook = [t.as_law(1.0) for t in templates(fit.trials) if t.name == fit.shared.laws[0].name]
+    return [replace(start, shared=replace(start.shared, laws=(law,))) for law in textbook]
 
 
 def own_options(account: Account) -> list[Option]:

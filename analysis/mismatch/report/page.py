@@ -9,7 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from analysis.mismatch.evidence.heldout import FEWEST_HELD_OUT
+from analysis.mismatch.levels import FEWEST_HELD_OUT
 from analysis.mismatch.model.words import listed, spoken
 from analysis.mismatch.report import wording
 from analysis.mismatch.report.contents import Report, Window

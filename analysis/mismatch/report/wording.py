@@ -6,8 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from analysis.mismatch.evidence.heldout import FEWEST_HELD_OUT
-from analysis.mismatch.levels import FEW_TRIALS
+from analysis.mismatch.levels import FEW_TRIALS, FEWEST_HELD_OUT
 from analysis.mismatch.locate.absorbed import Absorbed
 from analysis.mismatch.model.words import listed, spoken
 from analysis.mismatch.name.finding import Quantity

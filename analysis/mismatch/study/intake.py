@@ -122,7 +122,8 @@ def _reduce(
             before = ((cells[-1].depth_mm, 0.0), *((d, ago_s + lasted_s) for d, ago_s in felt))
     if not cells:
         raise BadInputError(_nothing(left_out))
-    cells = with_conditions(cells)
+    setting = _setting(heads)
+    cells = [replace(c, lever=setting != "other") for c in with_conditions(cells)]
     skin = [c.study_depth_mm for c in cells if c.kind == "ramp_hold_retract"]
     if skin:
         cells = [replace(c, study_depth_mm=max(skin)) for c in cells]
@@ -132,7 +133,7 @@ def _reduce(
         servo,
         heads[0].specimen.punch_diameter_mm,
         _notes(heads),
-        _setting(heads),
+        setting,
         tuple((Path(h.path).name, h.log) for h in heads if h.source == "imported"),
     )
 

@@ -16,7 +16,8 @@ class Adhesion(Mechanism):
 
     With u the pull of skin that clings in full, in units of the pull-off, the contact carries
     u / (1 + u^q)^(1/q) of it: it gives way gradually (small ``roundness`` q) or follows in full until the end
-    (large q). Contact is lost at u = ``reach``, and the force returns to zero over ``peel_um`` of further travel.
+    (large q). Contact is lost at u = ``reach``, and the force returns to zero over a share ``peel`` of the
+    study's depth of further travel.
     Large q, reach 1 and no peel are the textbook's snap.
     """
 
@@ -24,17 +25,20 @@ class Adhesion(Mechanism):
     stage = "contact"
     parameters = (
         Parameter("pull_off_mn", "mN", 0.0, 1.0e3),
-        Parameter("peel_um", "um", 0.5, 2.0e3, "log", inner=True),
+        Parameter("peel", "1", 5e-4, 2.0, "log", inner=True),
         Parameter("roundness", "1", 1.0, 60.0, "log", inner=True),
         Parameter("reach", "1", 1.0, 8.0, "log", inner=True),
     )
     amplitude = "pull_off_mn"
-    null = {"pull_off_mn": 0.0, "peel_um": 2.0, "roundness": 30.0, "reach": 1.0}
-    probes = tuple(
-        {"pull_off_mn": pull, "peel_um": peel, "roundness": 30.0, "reach": 1.0}
-        for pull, peel in ((0.2, 2.0), (1.0, 2.0), (1.0, 50.0), (5.0, 5.0), (5.0, 60.0))
+    null = {"pull_off_mn": 0.0, "peel": 2e-3, "roundness": 30.0, "reach": 1.0}
+    probes = (
+        *(
+            {"pull_off_mn": pull, "peel": peel, "roundness": 30.0, "reach": 1.0}
+            for pull, peel in ((0.2, 2e-3), (1.0, 2e-3), (1.0, 0.05), (5.0, 5e-3), (5.0, 0.06))
+        ),
+        {"pull_off_mn": 5.0, "peel": 5e-3, "roundness": 3.0, "reach": 1.5},
     )
-    typical = {"pull_off_mn": 2.0, "peel_um": 5.0, "roundness": 30.0, "reach": 1.0}
+    typical = {"pull_off_mn": 2.0, "peel": 5e-3, "roundness": 30.0, "reach": 1.0}
     words = "on the way back the skin clings to the punch and pulls before it lets go"
     source = "pull-off of an adhering flat punch"
     separated_by = "talcum on the punch"
@@ -78,7 +82,7 @@ class Adhesion(Mechanism):
         clinging[i + 1 :] = 0.0
         middle = 0.5 * (begin + np.maximum(end, x_lost))
         held = np.interp(-middle, -x[: i + 1], clung[: i + 1])
-        length = 1e-3 * p["peel_um"]
+        length = p["peel"] * trial.study_depth_mm
         near, far = np.maximum(x_lost - begin, 0.0), np.maximum(x_lost - end, 1e-9)
         peeling = (
             -pull * length * (np.exp(-near / length) - np.exp(-far / length)) / np.maximum(far - near, 1e-9)

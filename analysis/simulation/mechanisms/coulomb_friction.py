@@ -31,25 +31,25 @@ def _bristle_force(velocity: FloatArray, step_s: FloatArray, bristle_mm: float, 
 class CoulombFriction(Mechanism):
     """F gains Fc sign(dx/dt), built up over a little travel and let go over a little time.
 
-    The sign is that of Dahl's bristles: they bend over ``bristle_um`` of travel before they slide, and what they hold
-    fades at rest with ``fade_ms``. Both towards zero is the textbook's sign function.
+    The sign is that of Dahl's bristles: they bend over a share ``bristle`` of the study's depth before they slide, and
+    what they hold fades at rest with ``fade_ms``. Both towards zero is the textbook's sign function.
     """
 
     name = "coulomb_friction"
     stage = "sensor"
     parameters = (
         Parameter("force_mn", "mN", 0.0, 1.0e6),
-        Parameter("bristle_um", "um", 0.02, 500.0, "log", inner=True),
+        Parameter("bristle", "1", 2e-5, 0.05, "log", inner=True),
         Parameter("fade_ms", "ms", 0.1, 1.0e4, "log", inner=True),
     )
     amplitude = "force_mn"
-    null = {"force_mn": 0.0, "bristle_um": 0.1, "fade_ms": 1.0}
+    null = {"force_mn": 0.0, "bristle": 1e-4, "fade_ms": 1.0}
     probes = (
-        {"force_mn": 0.1, "bristle_um": 0.1, "fade_ms": 1.0},
-        {"force_mn": 0.1, "bristle_um": 2.0, "fade_ms": 30.0},
-        {"force_mn": 0.1, "bristle_um": 2.0, "fade_ms": 1000.0},
+        {"force_mn": 0.1, "bristle": 1e-4, "fade_ms": 1.0},
+        {"force_mn": 0.1, "bristle": 2e-3, "fade_ms": 30.0},
+        {"force_mn": 0.1, "bristle": 2e-3, "fade_ms": 1000.0},
     )
-    typical = {"force_mn": 1.0, "bristle_um": 0.1, "fade_ms": 1.0}
+    typical = {"force_mn": 1.0, "bristle": 1e-4, "fade_ms": 1.0}
     needs_contact = False
     words = "dry friction in the bearing: a force that opposes motion and does not depend on its speed"
     source = "Coulomb's law; onset and release after Dahl (1968)"
@@ -60,7 +60,7 @@ class CoulombFriction(Mechanism):
         z = _bristle_force(
             trial.velocity_mm_s,
             trial.counts / trial.sample_rate_hz,
-            1e-3 * p["bristle_um"],
+            p["bristle"] * trial.study_depth_mm,
             1e-3 * p["fade_ms"],
         )
         return np.asarray(force_mn + p["force_mn"] * z)

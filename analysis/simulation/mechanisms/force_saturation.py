@@ -9,17 +9,17 @@ from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Valu
 
 
 class ForceSaturation(Mechanism):
-    """F above ``level_mn`` keeps only the share ``slope_above`` of its rise (0: cut), bending over ``knee_mn``."""
+    """F above ``level_mn`` keeps only the share ``slope_above`` of its rise (0: cut), within a share ``knee`` of it."""
 
     name = "force_saturation"
     stage = "sensor"
     parameters = (
         Parameter("level_mn", "mN", 1e-9, 1.0e9, "log"),
         Parameter("slope_above", "1", 0.0, 0.98, inner=True),
-        Parameter("knee_mn", "mN", 0.01, 50.0, "log", inner=True),
+        Parameter("knee", "1", 2e-4, 1.0, "log", inner=True),
     )
     amplitude = "level_mn"
-    null = {"level_mn": 1.0e9, "slope_above": 0.0, "knee_mn": 0.5}
+    null = {"level_mn": 1.0e9, "slope_above": 0.0, "knee": 0.01}
     sensor_rank = 3
     words = "the force channel runs out of range: readings above a level are bent or cut"
     source = "converter and amplifier range"
@@ -29,11 +29,11 @@ class ForceSaturation(Mechanism):
         """Levels below the largest force of the recordings."""
         shares = (0.5, 0.65, 0.8, 0.9, 0.95, 0.98, 0.99)
         return tuple(
-            {"level_mn": share * peak_force_mn, "slope_above": 0.9, "knee_mn": 0.5} for share in shares
+            {"level_mn": share * peak_force_mn, "slope_above": 0.9, "knee": 0.01} for share in shares
         )
 
     def sensor_force_mn(self, trial: CellTrial, force_mn: FloatArray, p: Values) -> FloatArray:
         """F bent above the level."""
-        knee = p["knee_mn"]
+        knee = p["knee"] * p["level_mn"]
         over = knee * np.logaddexp(0.0, (force_mn - p["level_mn"]) / knee)
         return np.asarray(force_mn - (1.0 - p["slope_above"]) * over)

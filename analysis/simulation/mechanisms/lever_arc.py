@@ -22,6 +22,10 @@ class LeverArc(Mechanism):
     source = "geometry of the lever"
     separated_by = "three surface heights"
 
+    def applies(self, trial: CellTrial) -> bool:
+        """On a lever arm only."""
+        return trial.lever and super().applies(trial)
+
     def tip_mm(self, trial: CellTrial, tip_mm: FloatArray, force_mn: FloatArray, p: Values) -> FloatArray:
         """Normal travel on the arc."""
         travel, radius = trial.angle_travel_mm, p["radius_mm"]

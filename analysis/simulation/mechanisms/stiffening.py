@@ -29,8 +29,12 @@ class Stiffening(Mechanism):
     separated_by = "three depths at three surface heights"
 
     def probe_settings(self, peak_force_mn: float, depth_mm: float) -> tuple[Values, ...]:
-        """Either form of the law: a tenth of curvature over the study's own depths, or a power a tenth above 1."""
-        return ({"coefficient_per_mm": 0.1 / max(depth_mm, 1e-12)}, {"exponent": 1.1})
+        """Either form of the law: a tenth of curvature over the study's own depths, or powers up to sphere and cone.
+
+        A power far from 1 is not linear: what a tenth above 1 does says little of a cone.
+        """
+        curvature = {"coefficient_per_mm": 0.1 / max(depth_mm, 1e-12)}
+        return (curvature, *({"exponent": p} for p in (1.1, 1.5, 2.0)))
 
     def indentation_mm(self, trial: CellTrial, depth_mm: FloatArray, p: Values) -> FloatArray:
         """d (1 + b d), or d (d / D)^(p - 1)."""

@@ -1,6 +1,7 @@
 """The library: names and parameters as fixed, each law absent at its null and present at its probes."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,9 @@ from analysis.simulation.mechanism import Mechanism, Tissue, library
 from analysis.simulation.motion import estimate_motion
 
 SHARED = Path(__file__).parents[4] / "shared" / "mechanisms.md"
+LENGTHS = (
+    "position_mm", "velocity_mm_s", "acceleration_mm_s2", "command_mm", "z0_start_mm", "depth_mm", "study_depth_mm",
+)  # fmt: skip
 TISSUE = Tissue(120.0, 44.5, 2.279, 35.3, 0.149)
 
 
@@ -60,6 +64,26 @@ def test_law_is_absent_at_its_null_and_seen_at_its_probes(mechanism: Mechanism, 
         seen.append(float(np.max(np.abs(changed - plain))))
     # what the previous indentation left may be gone after the rest, for the shorter of its times
     assert (max(seen) if mechanism.name == "incomplete_recovery" else min(seen)) > 1e-5 * size
+
+
+@pytest.mark.parametrize("name", ["adhesion", "coulomb_friction", "force_saturation", "stiffening"])
+def test_units_of_length_and_force_change_nothing(name: str, trial: CellTrial) -> None:
+    """Written in other units every quantity of a recording is another number, and the fit of a law the same."""
+    mechanism, by = library()[name], 1e-3
+    small = replace(
+        trial,
+        **{f: by * getattr(trial, f) for f in LENGTHS},  # type: ignore[arg-type]
+    )
+    size = float(np.ptp(simulate_force(trial, TISSUE, PerTrial(trial.z0_start_mm, 0.0))))
+    own, own_small = PerTrial(trial.z0_start_mm, 0.0), PerTrial(by * trial.z0_start_mm, 0.0)
+    # the same forces by the same stiffness of a thousandth of the depth
+    stiff = Tissue(TISSUE.k0 / by, TISSUE.k1 / by, TISSUE.tau1, TISSUE.k2 / by, TISSUE.tau2)
+    probes = mechanism.probe_settings(size, trial.study_depth_mm)
+    probes_small = mechanism.probe_settings(size, small.study_depth_mm)
+    for values, there in zip(probes, probes_small, strict=True):
+        here = simulate_force(trial, TISSUE, own, [(mechanism, {**mechanism.null, **values})])
+        other = simulate_force(small, stiff, own_small, [(mechanism, {**mechanism.null, **there})])
+        np.testing.assert_allclose(other, here, atol=2e-3 * size)
 
 
 def test_every_mechanism_says_in_words_what_it_is() -> None:

@@ -1,0 +1,47 @@
+"""Steps of the laws' fit: what meets a bound is held there, and the others go where they should beside it."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.optimize import Bounds, minimize
+
+from analysis.mismatch.fit.law_fit import LARGEST_TISSUE_STEP, MOST_DELAY_SAMPLES, bounded_step, vector
+from analysis.mismatch.model.effects import TISSUE_SIZE, Law, Shared
+from analysis.simulation.mechanism import library
+
+CELLS = 60
+
+
+@given(st.integers(0, 10**6))
+def test_a_step_is_the_best_that_keeps_within_all_bounds(seed: int) -> None:
+    """Against a general minimiser within the same bounds."""
+    random = np.random.default_rng(seed)
+    inertia, friction = library()["arm_inertia"], library()["viscous_friction"]
+    laws = (
+        Law(inertia, {**inertia.null, "mass_g": 0.05}, ("mass_g",)),
+        Law(friction, {**friction.null, friction.amplitude: 0.05}, (friction.amplitude,)),
+    )
+    shared = Shared(laws)
+    now = vector(shared)
+    X = random.normal(size=(CELLS, TISSUE_SIZE + len(now)))
+    X[:, -2] += 0.9 * X[:, -1]  # what is correlated must follow what is stopped
+    wanted = np.concatenate([random.uniform(-0.7, 0.7, TISSUE_SIZE), random.normal(scale=(0.2, 0.2, 4.0))])
+    y = X @ wanted
+    scale = np.sqrt(np.sum(X**2, axis=0))
+    step = bounded_step(shared, (X.T @ X) / np.outer(scale, scale), (X.T @ y) / scale, scale)
+    tissue = np.full(TISSUE_SIZE, LARGEST_TISSUE_STEP)
+    lower = np.concatenate([-tissue, -now[:2], [-MOST_DELAY_SAMPLES]])
+    upper = np.concatenate([tissue, [np.inf, np.inf], [MOST_DELAY_SAMPLES]])
+    best = minimize(
+        lambda x: 0.5 * float(np.sum((X @ x - y) ** 2)),
+        np.zeros(len(wanted)),
+        jac=lambda x: X.T @ (X @ x - y),
+        method="L-BFGS-B",
+        bounds=Bounds(lower, upper),
+        options={"ftol": 1e-15, "gtol": 1e-10},
+    )
+    assert np.all(step >= lower - 1e-9)
+    assert np.all(step <= upper + 1e-9)
+    assert 0.5 * float(np.sum((X @ step - y) ** 2)) <= best.fun * (1.0 + 1e-6) + 1e-9

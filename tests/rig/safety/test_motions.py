@@ -183,8 +183,8 @@ def test_the_overshoot_is_taken_off_the_depth(bench: Any) -> None:
     assert command_mm is not None
     assert trial.surface is not None
     pressed_mm = command_mm[hold.samples].mean() - command_mm[dwell.start + 200 : dwell.stop - 8].mean()
-    assert trial.surface.overshoot_um > 2.0
-    assert 1e3 * (0.8 - pressed_mm) == pytest.approx(trial.surface.overshoot_um, abs=1.0)
+    # how far it went on is a matter of when the samples were read: 4 um as a rule, below 1 um at times
+    assert 1e3 * (0.8 - pressed_mm) == pytest.approx(trial.surface.overshoot_um, abs=0.3)
 
 
 def test_an_arm_that_does_not_come_to_safety_is_told(bench: Any) -> None:

@@ -80,9 +80,8 @@ class RunnerProcess:
     def last_words(self) -> str:
         """Return why the process has ended: what ended it, else the last line that it wrote."""
         code = self.exit_code
-        if (
-            code is not None and code < 0
-        ):  # it had no time to say anything: what the log holds are others' words
+        # it had no time to say anything: what the log holds are others' words
+        if code is not None and code < 0:
             return f"it was ended from outside (signal {-code}, {signal.strsignal(-code)})"
         with self._log.open("rb") as file:
             file.seek(self._log_start)

@@ -57,15 +57,25 @@ time = "real"
 """
 
 
-@pytest.fixture(scope="session")
-def _bench_trials() -> ModuleType:
+def _module_at(path: Path) -> ModuleType:
     # by its file: with this folder on the path its rooms would hide the packages they are named after
-    spec = importlib.util.spec_from_file_location("bench_trials", Path(__file__).parent / "bench_trials.py")
+    spec = importlib.util.spec_from_file_location(path.stem, path)
     assert spec is not None
     assert spec.loader is not None
     module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+@pytest.fixture(scope="session")
+def module_at() -> Callable[[Path], ModuleType]:
+    """Function (file) -> the module that a file of the tests is."""
+    return _module_at
+
+
+@pytest.fixture(scope="session")
+def _bench_trials() -> ModuleType:
+    return _module_at(Path(__file__).parent / "bench_trials.py")
 
 
 @pytest.fixture(scope="session")

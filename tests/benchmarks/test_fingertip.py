@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import importlib.util
 import resource
-import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -34,14 +33,19 @@ from analysis.fingertip.viscoelastic import Prony, relaxation
 pytestmark = pytest.mark.benchmark
 
 
-def _beside(name: str) -> ModuleType:
-    path = Path(__file__).parents[1] / "analysis" / "fingertip" / f"{name}.py"
-    spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = sys.modules[name] = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+FINGERTIP = Path(__file__).parents[1] / "analysis" / "fingertip"
+
+
+@pytest.fixture(scope="module")
+def bodies(module_at: Callable[[Path], ModuleType]) -> ModuleType:
+    """Bodies whose answers are known."""
+    return module_at(FINGERTIP / "known_bodies.py")
+
+
+@pytest.fixture(scope="module")
+def full_march(module_at: Callable[[Path], ModuleType]) -> ModuleType:
+    """The pad without short cuts."""
+    return module_at(FINGERTIP / "full_march.py")
 
 
 @pytest.fixture(scope="module")
@@ -70,30 +74,30 @@ def _meshed(pad: PadFile, **sizes: Any) -> PadFile:
     return pad.model_copy(update={"mesh": pad.mesh.model_copy(update=sizes)})
 
 
-def test_patch(pad: PadFile) -> None:
+def test_patch(pad: PadFile, bodies: ModuleType) -> None:
     """Any linear displacement, on the bent elements of the mesh that ships, is answered to rounding."""
-    off, free = _beside("known_bodies").patch_test(mesh_pad(pad, "punch"))
+    off, free = bodies.patch_test(mesh_pad(pad, "punch"))
     print(
         f"\npatch test: off by {off:.1e} of the largest displacement over {free} free unknowns; at most 1e-10"
     )
     assert off < 1e-10
 
 
-def test_prony_bar(pad: PadFile) -> None:
+def test_prony_bar(pad: PadFile, bodies: ModuleType) -> None:
     """Three slabs in series, the first elastic, against Laplace's inverse; and all three of one material."""
-    layered, single = _beside("known_bodies").prony_bar()
+    layered, single = bodies.prony_bar()
     print(f"\nProny bar, 10 ms to 20 s after a step: elastic slab on two that relax off by {layered:.1e}, one material "
           f"by {single:.1e}; at most 1e-4")  # fmt: skip
     assert max(layered, single) < 1e-4
 
 
-def test_half_space(pad: PadFile) -> None:
+def test_half_space(pad: PadFile, bodies: ModuleType) -> None:
     """A frictionless flat punch: 2 a E d / (1 - nu^2). The far end is held, so two sizes are extrapolated."""
     nu, radius_mm = 0.48, 0.25
     exact = 2 * radius_mm / (1 - nu**2)
     forces = []
     for far_mm in (25.0, 50.0):
-        body = _beside("known_bodies").half_space(radius_mm, 0.05, 0.004, far_mm, 3, PUNCH)
+        body = bodies.half_space(radius_mm, 0.05, 0.004, far_mm, 3, PUNCH)
         full = ElasticPad(body, (nu, nu, nu), held="bone", held_along_y=PUNCH)
         forces.append(float(full.pressed(PUNCH, np.array([1.0]), np.ones(3))[1][0]))
     without_end = 2 * forces[1] - forces[0]
@@ -102,14 +106,14 @@ def test_half_space(pad: PadFile) -> None:
     assert abs(without_end / exact - 1) < 3e-3
 
 
-def test_hertz(pad: PadFile) -> None:
+def test_hertz(pad: PadFile, bodies: ModuleType) -> None:
     """A rigid sphere of 10 mm pressed 0.05 mm into a half-space, contact by patches; two sizes are extrapolated."""
     nu, depth_mm, sphere_mm = 0.48, 0.05, 10.0
     radius_mm = np.sqrt(sphere_mm * depth_mm)
     exact = 4 / 3 / (1 - nu**2) * np.sqrt(sphere_mm) * depth_mm**1.5
     off = []
     for far_mm in (60.0, 120.0):
-        body = _beside("known_bodies").half_space(1.25 * radius_mm, 0.12, 0.12, far_mm, 3, PLATE)
+        body = bodies.half_space(1.25 * radius_mm, 0.12, 0.12, far_mm, 3, PLATE)
         full = ElasticPad(body, (nu, nu, nu), held="bone")
         patches = cut_patches(full, "plate")
         answers = press_patches(full, patches, np.array([1.0]), np.ones(3))
@@ -142,7 +146,9 @@ def _sphere_gap_mm(full: ElasticPad, sphere_mm: float) -> Any:
     return moment[area > 0] / area[area > 0] / (2 * sphere_mm)
 
 
-def test_reduced_against_the_full_march(pad: PadFile, cache: Path, measured: MeasuredTrial) -> None:
+def test_reduced_against_the_full_march(
+    pad: PadFile, cache: Path, measured: MeasuredTrial, full_march: ModuleType
+) -> None:
     coarse = _meshed(pad, order=2, contact_size_mm=0.03)
     punch = punch_pad(coarse, cache)
     materials = calibrate(punch, target_of(measured), "layered", 0.1, 2).materials(punch.relative)
@@ -150,7 +156,7 @@ def test_reduced_against_the_full_march(pad: PadFile, cache: Path, measured: Mea
     def both(step_s: float) -> tuple[Any, Any]:
         time_s = step_s * np.arange(1, round(2 / step_s) + 1)
         depth_mm = 0.4 * np.minimum(time_s / 0.1, 1.0)
-        marched = _beside("full_march").march_punch(coarse, materials, depth_mm, step_s)
+        marched = full_march.march_punch(coarse, materials, depth_mm, step_s)
         return marched, relaxation(punch.layers, materials).force_mn(np.append(0.0, depth_mm), step_s)[1:]
 
     coarse_step, exact = both(0.05)
@@ -256,7 +262,7 @@ def test_study_size(pad: PadFile) -> None:
 
 
 @pytest.mark.slow
-def test_concealed_ratios(pad: PadFile, cache: Path, measured: MeasuredTrial) -> None:
+def test_concealed_ratios(pad: PadFile, cache: Path, measured: MeasuredTrial, full_march: ModuleType) -> None:
     """Ratio drawn, thickness one of three, neither told; noise of 5 um at each of 58 places.
 
     Surfaces come from the full march on another mesh with elements of order 3; the analysis has order 2, where
@@ -281,7 +287,7 @@ def test_concealed_ratios(pad: PadFile, cache: Path, measured: MeasuredTrial) ->
         # how the hidden pad was calibrated is no part of what is concealed: as the analysis would, once a thickness
         own = calibrate(punch_pad(_meshed(hidden, contact_size_mm=0.03), cache), target, "layered", ratio, 2)
         other = _meshed(hidden, order=3, size_mm=1.0, contact_size_mm=0.02, grading=0.6)
-        truth = _beside("full_march").march_line(other, own.materials(np.ones(3)), depth_mm, 0.2, places_mm)
+        truth = full_march.march_line(other, own.materials(np.ones(3)), depth_mm, 0.2, places_mm)
         noise = noise_mm * rng.standard_normal(len(truth))
         surface = MeasuredSurface("concealed", places_mm, truth + noise, np.full(len(truth), noise_mm))
         found = locate(surface, answers)

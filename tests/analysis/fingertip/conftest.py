@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import re
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
@@ -48,31 +46,22 @@ def punch_mesh(coarse_pad: PadFile) -> PadMesh:
     return mesh_pad(coarse_pad, "punch")
 
 
-def _beside(name: str) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
-    assert spec is not None
-    assert spec.loader is not None
-    module = sys.modules[name] = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 @pytest.fixture(scope="session")
-def bodies() -> ModuleType:
+def bodies(module_at: Callable[[Path], ModuleType]) -> ModuleType:
     """Bodies whose answers are known."""
-    return _beside("known_bodies")
+    return module_at(Path(__file__).with_name("known_bodies.py"))
 
 
 @pytest.fixture(scope="session")
-def full_march() -> ModuleType:
+def full_march(module_at: Callable[[Path], ModuleType]) -> ModuleType:
     """The pad without short cuts."""
-    return _beside("full_march")
+    return module_at(Path(__file__).with_name("full_march.py"))
 
 
 @pytest.fixture(scope="session")
-def written() -> ModuleType:
+def written(module_at: Callable[[Path], ModuleType]) -> ModuleType:
     """Meshes written to files."""
-    return _beside("written_mesh")
+    return module_at(Path(__file__).with_name("written_mesh.py"))
 
 
 @pytest.fixture(scope="session")

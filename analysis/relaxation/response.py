@@ -136,7 +136,8 @@ def interval_factors(
     """Return a, b of the recursion and their derivatives by tau, for one or all intervals."""
     ratio = np.asarray(step_s / tau_s, dtype=float)
     decay = np.exp(-ratio)
-    rise = -np.expm1(-ratio) / ratio
+    # an interval that is nothing beside the time (ratio 0) has the limit 1
+    rise = np.divide(-np.expm1(-ratio), ratio, out=np.ones_like(ratio), where=ratio > 0.0)
     return decay, rise, decay * ratio / tau_s, (rise - decay) / tau_s
 
 

@@ -1,4 +1,4 @@
-"""How a value and its error are written: to the second digit of the error, whatever their size."""
+"""How a value and its error are written: to the digits that the error leaves, whatever their size."""
 
 from __future__ import annotations
 
@@ -6,13 +6,16 @@ import math
 
 
 def concise(value: float, error: float | None) -> str:
-    """Return value and, in brackets, its error in units of the last digit: 2.278(38) is 2.278 ± 0.038."""
+    """Return value and, in brackets, its error to one digit in units of the last: 2.28(4) is 2.28 ± 0.04.
+
+    One digit of the error, so that a table of a trial's constants fits a terminal of 80 columns.
+    """
     if error is None or not 0 < error < math.inf:
         return f"{value:.4g}"
     power = math.floor(math.log10(max(abs(value), error)))
     scale = 1.0 if -3 <= power < 6 else 10.0**power
     suffix = "" if scale == 1.0 else f"e{power}"
-    decimals = min(max(1 - math.floor(math.log10(error / scale)), 0), 9)
+    decimals = min(max(-math.floor(math.log10(error / scale)), 0), 9)
     return f"{value / scale:.{decimals}f}({round(error / scale * 10**decimals)}){suffix}"
 
 

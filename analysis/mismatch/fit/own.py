@@ -39,6 +39,13 @@ class OwnColumns:
         """Information (q, q) of data and priors together."""
         return self.columns.T @ self.columns + self.prior
 
+    def solve(self, b: FloatArray) -> FloatArray:
+        """Return the own parameters (q,) or (q, m) that solve information @ x = b.
+
+        What the trial shows nothing of (its contact out of reach) stays where it is.
+        """
+        return solved(self.information, b)
+
     def pull_at(self, state: TrialState, population: Population) -> FloatArray:
         """Return what the priors pull with (q,) at another state."""
         pull = np.zeros(self.n_own)
@@ -140,10 +147,7 @@ class Projector:
         self._whitener = whitener
         Q, R = orthonormal(own.columns)
         H = R.T @ R + own.prior
-        root = 1.0 / np.sqrt(np.maximum(np.diag(H), 1e-300))
-        # a column that the trial shows nothing of (its contact out of reach) takes nothing
-        H = H * np.outer(root, root) + NOTHING * np.eye(len(R))
-        kept = np.eye(len(R)) - (R * root) @ np.linalg.solve(H, (R * root).T)
+        kept = np.eye(len(R)) - R @ solved(H, R.T)
         values, vectors = np.linalg.eigh(0.5 * (kept + kept.T))
         values = np.clip(values, 0.0, 1.0)
         self._basis = Q @ vectors
@@ -186,6 +190,14 @@ def orthonormal(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
         Q, R = np.linalg.qr(columns / scale)
         R = R * scale
     return Q, R
+
+
+def solved(H: FloatArray, b: FloatArray) -> FloatArray:
+    """Return x of H x = b, H (q, q) symmetric and scaled to a unit diagonal; 0 where row and column are zero."""
+    root = 1.0 / np.sqrt(np.maximum(np.diag(H), 1e-300))
+    scaled = H * np.outer(root, root) + NOTHING * np.eye(len(H))
+    of_rows = root if b.ndim == 1 else root[:, None]
+    return np.asarray(of_rows * np.linalg.solve(scaled, of_rows * b))
 
 
 def log_determinant(own: OwnColumns) -> float:

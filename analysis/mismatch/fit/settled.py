@@ -28,14 +28,13 @@ def settled_columns(fit: StudyFit, j: int, wanted: Sequence[Template]) -> FloatA
     trial, state, own = fit.trials[j], fit.states[j], fit.own[j]
     base = simulate(trial, state, fit.shared)
     columns = template_columns(trial, state, fit.shared, wanted)
-    H = own.information
     for k, template in enumerate(wanted):
         if not np.any(columns[:, k]):
             continue
         shared = replace(fit.shared, laws=(*fit.shared.laws, template.as_law(1.0)))
         there, before = state, float(np.sum(fit.whiteners[j](columns[:, k]) ** 2))
         for _ in range(STEPS):
-            step = np.linalg.solve(H, own.columns.T @ fit.whiteners[j](columns[:, k]))
+            step = own.solve(own.columns.T @ fit.whiteners[j](columns[:, k]))
             there = moved(there, trial, -limited(trial, own, step))
             followed = simulate(trial, there, shared) - base
             left = float(np.sum(fit.whiteners[j](followed) ** 2))

@@ -51,7 +51,7 @@ def restricted_deviance(fit: StudyFit, noise: NoiseModel) -> float:
         residual = own.residual + own.columns @ from_mean(own)
         X = np.column_stack([own.columns[:, own.tissue], residual])
         inside = own.columns.T @ X
-        G = X.T @ X - inside.T @ np.linalg.solve(own.information, inside)
+        G = X.T @ X - inside.T @ own.solve(inside)
         deviance += float(G[-1, -1]) + whitener.log_determinant + log_determinant(own)
         if state.has_tissue:
             A, b = A + G[:-1, :-1], b + G[:-1, -1]

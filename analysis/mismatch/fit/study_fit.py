@@ -62,6 +62,12 @@ class StudyFit:
         """Return the simulated force (n,) of the j-th trial."""
         return simulate(self.trials[j], self.states[j], self.shared)
 
+    @cached_property
+    def left_mn(self) -> float:
+        """What the simulation leaves of the recordings, rms of a sample."""
+        squares = sum(t.counts * t.fitted @ self.residual_mn(j) ** 2 for j, t in enumerate(self.trials))
+        return float(np.sqrt(squares / max(sum(t.counts @ t.fitted for t in self.trials), 1)))
+
     def residual_mn(self, j: int) -> FloatArray:
         """Return what is left (n,) of the j-th trial's force, by cell."""
         return self.trials[j].force_mn - self.force_mn(j)

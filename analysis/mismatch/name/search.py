@@ -101,6 +101,9 @@ def considered(account: Account, nothing: Account) -> tuple[Rival, ...]:
     found: list[Rival] = []
     for option in options:
         refitted = option.refit().reweighed()
+        # a wander of any size makes likely whatever is left: who explains something leaves less than there was
+        if refitted.fit.left_mn > (1.0 + INEXACT) * account.fit.left_mn:
+            continue
         gain, error = refitted.gain_over(account)
         # a gain below its error is one trial's, at the cost of others; of few trials none can say how exact a law is
         left = left_over(explained, ROUGH if few else refitted.inexact)

@@ -17,6 +17,7 @@ from analysis.simulation.mechanism import library
 
 FloatArray = NDArray[np.float64]
 
+ROUNDING = float(np.finfo(np.float32).eps)
 LOWEST_HZ = 16.0
 BACKGROUND = 61
 MOST_LINES = 6
@@ -67,7 +68,10 @@ def find_lines(fit: StudyFit) -> list[Line]:
     window *= np.sqrt(n / float(window @ window))
     spectra = np.array([np.abs(np.fft.rfft((s[:n] - s[:n].mean()) * window)) ** 2 / n for s in stretches])
     frequency = np.fft.rfftfreq(n, 1.0 / rate)
+    rounding = np.array([ROUNDING * float(np.abs(t.full_force_mn).max()) for t in fit.trials]).max()
     local = np.array([median_filter(s, BACKGROUND, mode="nearest") for s in spectra]) / np.log(2.0)
+    # no tone is finer than the numbers that hold it: what an interpolation leaves is smoother than they are
+    local += rounding**2
     ratio = (spectra / np.maximum(local, 1e-300)).mean(axis=0)
     m = len(stretches)
     looked = (frequency >= LOWEST_HZ) & (frequency < 0.47 * rate)

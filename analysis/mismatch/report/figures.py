@@ -26,7 +26,10 @@ _WIDEST_S = 0.4
 _SETTLING_S = 0.03
 _FEWEST_SAMPLES = 30
 _FEWEST_POINTS = 4
-_SIGNED = {"approach": "depth (mm)", "retract": "depth (mm)"}
+_OVER_DEPTH = ("approach", "retract")
+_REST = 0.02
+_AIR_SHOWN = 0.25
+_SHALLOW_MM = 0.1
 
 
 def draw_figures(out: Path, diagnosis: Diagnosis, report: Report) -> dict[str, Path]:
@@ -72,16 +75,8 @@ def _trial(figure: Any, diagnosis: Diagnosis, report: Report) -> None:
         above, below = panels[0, column], panels[1, column]
         part = shown if span is None else shown & (trial.time_s >= span[0]) & (trial.time_s <= span[1])
         t = trial.time_s[part]
-        above.plot(
-            t,
-            factor * trial.force_mn[part],
-            ".",
-            ms=2.2,
-            color=RECORDED,
-            alpha=0.5,
-            label="recorded",
-            rasterized=True,
-        )
+        recorded = {"ms": 2.2, "color": RECORDED, "alpha": 0.5, "label": "recorded", "rasterized": True}
+        above.plot(t, factor * trial.force_mn[part], ".", **recorded)
         above.plot(
             t, factor * (trial.force_mn - before)[part], "--", lw=1.3, color=BASELINE, label="simulation"
         )
@@ -179,12 +174,7 @@ def _residual(figure: Any, diagnosis: Diagnosis, report: Report) -> None:
                 if marked:
                     axes.set_facecolor("#FFFBE0")
             if row == len(fits) - 1:
-                if phase in _SIGNED:
-                    # of a short travel the labels are long
-                    axes.locator_params(axis="x", nbins=1, min_n_ticks=1)
-                axes.set_xlabel(
-                    _SIGNED.get(phase, "share of it" if phase in ("ramp", "sweep") else "since start (s)")
-                )
+                axes.set_xlabel(_measure(phase, trials[0].study_depth_mm))
         panels[row, 0].set_ylabel(f"{name}\nmean residual ({unit})")
     if len(drawn) > 1:
         shown = {label: drawn[label] for label, _ in conditions if label in drawn}
@@ -199,6 +189,18 @@ def _shows(
     """Whether a phase has a curve to draw, and no lonely points."""
     curve = phase_curve(trials, residuals, z0s_mm, phase, range(len(trials)))
     return curve is not None and len(curve[0]) >= _FEWEST_POINTS
+
+
+def _length(study_depth_mm: float) -> tuple[float, str]:
+    """Return a factor and the unit in which depths of a study are read best."""
+    return (1e3, "um") if study_depth_mm < _SHALLOW_MM else (1.0, "mm")
+
+
+def _measure(phase: str, study_depth_mm: float) -> str:
+    """Say over what a phase is laid out."""
+    if phase in _OVER_DEPTH:
+        return f"depth ({_length(study_depth_mm)[1]})"
+    return "share of it" if phase in ("ramp", "sweep") else "since start (s)"
 
 
 def _few_conditions(trials: Sequence[CellTrial]) -> list[tuple[str, list[int]]]:
@@ -233,8 +235,11 @@ def phase_curve(
             continue
         s = t.time_s[inside]
         half = 0.5 / t.sample_rate_hz
-        if phase in ("approach", "retract"):
-            measure = t.position_mm[inside] - z0s_mm[j]
+        if phase in _OVER_DEPTH:
+            factor, _ = _length(t.study_depth_mm)
+            measure = factor * (t.position_mm[inside] - z0s_mm[j])
+            if np.ptp(t.position_mm[inside]) < _REST * t.study_depth_mm:
+                continue
         elif phase in ("ramp", "sweep"):
             measure = (s - s[0]) / (s[-1] - s[0])
         else:
@@ -243,8 +248,9 @@ def phase_curve(
     if not measured:
         return None
     low, high = min(float(m.min()) for m, _, _ in measured), max(float(m.max()) for m, _, _ in measured)
-    if phase in ("approach", "retract"):
-        low = max(low, -0.15)
+    if phase in _OVER_DEPTH:
+        study_depth_mm = trials[0].study_depth_mm
+        low = max(low, -_AIR_SHOWN * study_depth_mm * _length(study_depth_mm)[0])
     if high <= low:
         return None
     log = phase in ("hold", "dwell", "clear") and low > 0

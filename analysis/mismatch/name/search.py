@@ -89,17 +89,24 @@ def considered(account: Account, nothing: Account) -> tuple[Rival, ...]:
     explained = account.gain_over(nothing)[0]
     least = CLOSE * left_over(explained)
     few = len(account.fit.trials) < FEWEST_HELD_OUT
-    options = worth_trying(law_options(account, nothing), least, few)
+    listed = [law_options(account, nothing)]
     # what was taken for slow noise is found where none is granted; most of all what comes in each trial anew
     quick = account.quick()
     if quick is not account:
-        found_already = {o.name for o in options}
-        options += [
-            o for o in worth_trying(law_options(quick, nothing), least, few) if o.name not in found_already
-        ]
-    options += worth_trying(own_options(quick), least, few)
+        listed.append(law_options(quick, nothing))
+    listed.append(own_options(quick))
+    options: dict[str, Option] = {}
+    for some in listed:
+        options = {o.name: o for o in worth_trying(some, least, few)} | options
+    largest = {
+        o.name: max(p.nats for some in listed for p in some if p.name == o.name) for o in options.values()
+    }
     found: list[Rival] = []
-    for option in options:
+    for name in sorted(options, key=lambda name: -largest[name]):
+        # refits cost most of the time: none is made that can't be a rival, however far the line misses
+        if not few and largest[name] < CLOSE * max((r.gain for r in found), default=0.0):
+            break
+        option = options[name]
         refitted = option.refit().reweighed()
         # a wander of any size makes likely whatever is left: who explains something leaves less than there was
         if refitted.fit.left_mn > (1.0 + INEXACT) * account.fit.left_mn:

@@ -38,7 +38,8 @@ class Motion:
     """The arm's motion at full rate, each (N,), and what the nominal servo leaves of the recording.
 
     ``servo_residual_mm`` is recorded minus the nominal servo's answer to the command and ``servo_signature_mm`` (N, 2)
-    how that answer changes with ln(natural frequency) and ln(damping ratio); zero where no command was recorded.
+    how the answer of the servo that was found changes with ln(natural frequency) and ln(damping ratio); zero where no
+    command was recorded.
     ``kinks`` are the samples at which the velocity of the command changes at once.
     """
 
@@ -78,8 +79,8 @@ def find_kinks(trial: Trial) -> IntArray:
 def fit_servo(trials: list[Trial]) -> tuple[float, float]:
     """Return natural frequency (rad/s) and damping ratio that explain recorded position best.
 
-    Only samples near kinks carry information on the servo. Without a command, where nothing moves, or where
-    samples are too far apart to show a servo, the nominal one is returned.
+    Of a press only samples near kinks carry information on the servo, of a sweep all do. Without a command, where
+    nothing moves, or where samples are too far apart to show a servo, the nominal one is returned.
     """
     pieces = []
     for trial in trials:
@@ -90,8 +91,8 @@ def fit_servo(trials: list[Trial]) -> tuple[float, float]:
         half = round(NEAR_KINK_S * trial.sample_rate_hz)
         if half < SERVO_SAMPLES:
             continue
-        for k in kinks:
-            lo, hi = max(0, k - half), min(trial.n_samples, k + half)
+        stretches = [(max(0, k - half), min(trial.n_samples, k + half)) for k in kinks]
+        for lo, hi in stretches if trial.kind != "air_sweep" else [(0, trial.n_samples)]:
             u = command_mm[lo:hi]
             # a stretch must begin at rest or on a steady ramp, or the filter's start would be wrong
             if hi - lo < half or np.ptp(u) < 0.01:
@@ -113,7 +114,7 @@ def fit_servo(trials: list[Trial]) -> tuple[float, float]:
         return np.concatenate(out) * 1e3
 
     start = np.log([DEFAULT_NATURAL_FREQUENCY_RAD_S, DEFAULT_DAMPING_RATIO])
-    bounds = (np.log([100.0, 0.1]), np.log([5.0e4, 5.0]))
+    bounds = (np.log([10.0, 0.1]), np.log([5.0e4, 5.0]))
     best = least_squares(residual, start, bounds=bounds, diff_step=[1e-3, 1e-3], max_nfev=15)
     wn, zeta = np.exp(best.x)
     return float(wn), float(zeta)
@@ -175,9 +176,11 @@ def estimate_motion(
         wn, zeta = DEFAULT_NATURAL_FREQUENCY_RAD_S, DEFAULT_DAMPING_RATIO
         nominal = follow(trial.command_mm, rate, wn, zeta).position_mm
         servo_residual = recorded - nominal
-        h = 1e-3
-        signature[:, 0] = (follow(trial.command_mm, rate, wn * (1 + h), zeta).position_mm - nominal) / h
-        signature[:, 1] = (follow(trial.command_mm, rate, wn, zeta * (1 + h)).position_mm - nominal) / h
+        # at the servo that was found: far from the nominal one both parameters say the same there
+        h, (wn, zeta) = 1e-3, (natural_frequency_rad_s, damping_ratio)
+        found = follow(trial.command_mm, rate, wn, zeta).position_mm
+        signature[:, 0] = (follow(trial.command_mm, rate, wn * (1 + h), zeta).position_mm - found) / h
+        signature[:, 1] = (follow(trial.command_mm, rate, wn, zeta * (1 + h)).position_mm - found) / h
     return Motion(
         position_mm=base + smooth,
         velocity_mm_s=v + rest_v,

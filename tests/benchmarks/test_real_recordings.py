@@ -113,6 +113,7 @@ def test_servo_axis_in_free_travel(said: Callable[..., dict[str, Any]]) -> None:
         print(f"  {name}: published {published:.4g}, found {q['value']:.4g} +- {q['se']:.2g}")
         assert abs(q["value"] - published) < 3.0 * q["se"]
         assert q["value"] == pytest.approx(published, rel=0.02)
+    assert "servo_bandwidth" in found
 
 
 @pytest.mark.benchmark

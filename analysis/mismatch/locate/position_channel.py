@@ -69,6 +69,7 @@ def look_at_position(trials: Sequence[CellTrial], rng: np.random.Generator) -> P
         return None
     noise_mm = max(float(np.median([_noise_mm(t) for t in used])), 1e-6)
     scores, by_bin, grams, means, counts, laid, shown = [], [], [], [], [], [], np.zeros(OUTSIDE)
+    squares, cells_in_all = 0.0, 0
     for t in used:
         weight = np.sqrt(t.counts) / noise_mm
         x = t.command_mm - t.command_mm.mean()
@@ -76,6 +77,7 @@ def look_at_position(trials: Sequence[CellTrial], rng: np.random.Generator) -> P
         stacked = np.column_stack([t.servo_residual_mm, t.servo_signature_mm]) * weight[:, None]
         left = stacked - A @ (A.T @ stacked)
         r, G = left[:, 0], left[:, 1:]
+        squares, cells_in_all = squares + float(r @ r), cells_in_all + len(r)
         bins = bins_of(t)
         blocks = max(1, len(r) // BLOCK_CELLS) if len(used) < FEW_TRIALS else 1
         for part in np.array_split(np.arange(len(r)), blocks):
@@ -104,7 +106,9 @@ def look_at_position(trials: Sequence[CellTrial], rng: np.random.Generator) -> P
     repeats = repeatable_energy(np.array(laid), [t.condition for t in used])
     excess = max(float(repeats[shown > SERVO_SHOWS * shown.max()].sum()), gain, 1e-9)
     all_counts = np.maximum(np.sum(counts, axis=0), 1.0)
-    errors = np.sqrt(np.maximum(np.diag(inverse), 0.0))
+    # what another servo leaves as well tells how well a servo describes this drive at all
+    misfit = max((squares - gain) / max(cells_in_all, 1), 1.0)
+    errors = np.sqrt(np.maximum(np.diag(inverse), 0.0) * misfit)
     return PositionFinding(
         p_value=float(p_values[:m].min()) if m else 1.0,
         explained=gain / excess,

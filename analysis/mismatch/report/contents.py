@@ -15,6 +15,8 @@ from analysis.mismatch.study.intake import Setting
 Verdict = Literal["no_mismatch", "named", "one_of", "unknown"]
 Signal = Literal["force", "position"]
 
+NOTHING_BESIDE = 1e-3
+
 
 @dataclass(frozen=True, slots=True)
 class Window:
@@ -35,6 +37,15 @@ class Window:
     rms_mn: float | None = None
     mean_residual_um: float | None = None
     after_naming: bool = False
+
+    @property
+    def mean_told_mn(self) -> float | None:
+        """The mean of the force (mN), zero where it is nothing beside its rms."""
+        if self.mean_residual_mn is None or abs(self.mean_residual_mn) > NOTHING_BESIDE * (
+            self.rms_mn or 0.0
+        ):
+            return self.mean_residual_mn
+        return 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -136,7 +136,7 @@ def _window_cells(window: Window) -> dict[str, Any]:
         "when": f"{max(window.start_s, 0.0):.3f} – {window.stop_s:.3f}",
         "mean": _signed(window.mean_residual_um, "um")
         if position
-        else _force(window.mean_residual_mn, signed=True),
+        else _force(window.mean_told_mn, signed=True),
         "rms": _force(window.rms_mn),
         "share": wording.percent(window.share_of_mismatch),
         "conditions": window.conditions,

@@ -70,11 +70,7 @@ def _windows(title: str, windows: Sequence[Window]) -> Table:
 
 def _window_cells(window: Window) -> tuple[str, ...]:
     in_um = window.mean_residual_um
-    mean = (
-        f"{in_um:+.3g} um"
-        if in_um is not None
-        else wording.force(window.mean_residual_mn or 0.0, signed=True)
-    )
+    mean = f"{in_um:+.3g} um" if in_um is not None else wording.force(window.mean_told_mn or 0.0, signed=True)
     return (
         window.signal,
         window.phase,

@@ -60,10 +60,12 @@ def findings(named: Named, baseline: Account, lines: Sequence[Line]) -> tuple[Fi
         mechanism = library().get(name)
         if mechanism is None:
             continue
-        if len(account.names) > 1:
-            evidence = account.gain_over(account.without(name).reweighed())[0]
-        else:
+        if len(account.names) == 1:
             evidence = account.gain_over(baseline)[0]
+        elif name in named.adds:
+            evidence = named.adds[name]
+        else:
+            evidence = account.gain_over(account.without(name).reweighed())[0]
         probability, alternatives = weighed(mechanism, named.rivals.get(name, ()), account.names)
         law = next((law for law in account.fit.shared.laws if law.name == name), None)
         sizes = law_sizes(account, law) if law is not None else own_sizes(account, mechanism)

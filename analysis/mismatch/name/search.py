@@ -57,24 +57,28 @@ class Rival:
 
 @dataclass(frozen=True)
 class Named:
-    """The account that predicts best, and who was considered for each of its effects, by name."""
+    """The account that predicts best, who was considered for each of its effects, by name, and what each adds.
+
+    ``adds`` are the nats that are lost without an effect, where the search came to know them.
+    """
 
     account: Account
     rivals: dict[str, tuple[Rival, ...]]
+    adds: dict[str, float]
 
 
 def search(account: Account) -> Named:
     """Add the effect with most evidence, refit, drop what became needless, until nothing more is worth it."""
     rivals: dict[str, tuple[Rival, ...]] = {}
-    start = account
+    start, adds = account, dict[str, float]()
     while len(account.names) < MOST_EFFECTS:
         step = considered(account, start)
         if not step:
             break
         best = step[0]
         rivals[best.name] = step
-        account = pruned(best.account, best.name)
-    return Named(account, {name: rivals[name] for name in account.names})
+        account, adds = pruned(best.account, best)
+    return Named(account, {name: rivals[name] for name in account.names}, adds)
 
 
 def considered(account: Account, nothing: Account) -> tuple[Rival, ...]:
@@ -134,15 +138,20 @@ def worth_trying(options: list[Option], least: float, few: bool) -> list[Option]
     return enough if few else [o for o in enough if o.nats > CLOSE * best[0].nats][:REFITTED]
 
 
-def pruned(account: Account, newest: str) -> Account:
-    """Take out, one by one, what the newest effect and the others make needless."""
+def pruned(account: Account, newest: Rival) -> tuple[Account, dict[str, float]]:
+    """Take out, one by one, what the newest effect and the others make needless; return what the others add, in nats.
+
+    What was added is not known where something was taken out since.
+    """
+    adds = {newest.name: newest.gain}
     for name in account.names:
-        if name == newest:
+        if name == newest.name:
             continue
         without = account.without(name).reweighed()
-        if account.gain_over(without)[0] < (ENOUGH_OWN if name in account.steps else ENOUGH_SHARED):
-            account = without
-    return account
+        adds[name] = account.gain_over(without)[0]
+        if adds[name] < (ENOUGH_OWN if name in account.steps else ENOUGH_SHARED):
+            account, adds = without, {}
+    return account, adds
 
 
 def law_options(account: Account, nothing: Account) -> list[Option]:

@@ -107,9 +107,9 @@ def _surface(figure: Any, found: Located) -> None:
     at, measured = found.surface.position_mm, found.surface.deflection_mm
     above.errorbar(at, measured, found.error_mm, fmt=".", color="black", ms=4, lw=0.8, label="measured")
     for colour, pad in zip(COLOURS, found.pads, strict=False):
-        above.plot(
-            at, pad.deflection_mm, color=colour, lw=1.2, label=pad.name + (" (fails)" if pad.fails else "")
-        )
+        # the pads' own curve: straight from one measured place to the next it would be cut off under the line
+        label = pad.name + (" (fails)" if pad.fails else "")
+        above.plot(found.along_mm, pad.curve_mm, color=colour, lw=1.2, label=label)
         below.plot(at, 1e3 * (measured - pad.deflection_mm), ".-", color=colour, lw=0.8, ms=3)
     above.invert_yaxis()
     above.set_ylabel("deflection (mm)")

@@ -140,6 +140,22 @@ def test_the_page_says_what_fails_and_where(answers, tmp_path):
     assert {path.name for path in tmp_path.glob("*.vtu")} == {"homogeneous_line.vtu", "layered_line.vtu"}
 
 
+def test_a_pads_curve_goes_on_where_nothing_was_measured(answers):
+    """Places beside the line only: the trough between them is drawn as deep as the pad has it."""
+    deflection = answers.layered_at(_PLACES_MM)(np.log(0.1), 0.3)
+    errors = np.full(len(deflection), _NOISE_MM)
+    found = locate(MeasuredSurface("s", _PLACES_MM, deflection, errors), answers)
+    assert (found.along_mm[0], found.along_mm[-1]) == (_PLACES_MM[0], _PLACES_MM[-1])
+    for pad in found.pads:
+        measured = np.isin(found.along_mm, _PLACES_MM)
+        np.testing.assert_allclose(pad.curve_mm[measured], pad.deflection_mm, atol=1e-12)
+    here = found.along_mm == 0.0
+    plain, _, best = found.pads
+    assert plain.curve_mm[here] == pytest.approx(answers.homogeneous_at(np.zeros(1)))
+    assert best.curve_mm[here] == pytest.approx(answers.layered_at(np.zeros(1))(np.log(0.1), 0.3), rel=1e-3)
+    assert plain.curve_mm[here] > 1.2 * plain.deflection_mm.max()
+
+
 def test_motion_ends_where_it_should():
     time_s, depth_mm = ramp_and_hold(0.5, 1.0, 3.0, 20, 16)
     assert (np.diff(time_s) > 0).all()

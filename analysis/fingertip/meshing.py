@@ -57,14 +57,20 @@ def mesh_pad(pad: PadFile, load: Load) -> PadMesh:
         from analysis.fingertip.user_mesh import read_mesh
 
         return read_mesh(pad, load, file)
+    from netgen.libngpy._meshing import NgException
     from netgen.occ import OCCGeometry
     from ngsolve import Mesh
 
     shape = _shape(pad, load)
-    size_mm = pad.mesh.size_mm
+    size_mm, grading = pad.mesh.size_mm, pad.mesh.grading
     for _ in range(_TRIES):
-        # its threads make the same mesh and wait for each other: two seconds of processor where one needs half of one
-        made = OCCGeometry(shape).GenerateMesh(maxh=size_mm, grading=pad.mesh.grading, parallel_meshing=False)
+        try:
+            # its threads make the same mesh and wait for each other: two seconds of processor where one needs half
+            made = OCCGeometry(shape).GenerateMesh(maxh=size_mm, grading=grading, parallel_meshing=False)
+        except NgException:
+            # large elements that grow fast cut through thin layers
+            size_mm, grading = _FINER * size_mm, _FINER * grading
+            continue
         mesh = Mesh(made)
         mesh.Curve(pad.mesh.order)
         keep = _deform(mesh, pad)
@@ -73,7 +79,7 @@ def mesh_pad(pad: PadFile, load: Load) -> PadMesh:
         size_mm *= _FINER
     raise BadInputError(
         f"the mesh folds where layers are thin, even with elements of {size_mm / _FINER:.2g} mm: make mesh.size_mm "
-        "smaller, or the thinnest layer thicker"
+        "and mesh.grading smaller, or the thinnest layer thicker"
     )
 
 

@@ -120,8 +120,8 @@ def test_hertz(pad: PadFile, bodies: ModuleType) -> None:
         _, layers, given = shapes_of(full, patches, answers)
         empty = np.empty(0)
         model = ContactPad(
-            layers, np.ones(3), given, patches.area_mm2, _sphere_gap_mm(full, sphere_mm), patches.place_mm, empty,
-            empty, empty, empty, full.unknowns, None,  # type: ignore[arg-type]
+            layers, np.ones(3), given, patches.area_mm2, _sphere_gap_mm(full, sphere_mm), patches.place_mm,
+            *[empty] * 5, full.unknowns, None,  # type: ignore[arg-type]
         )  # fmt: skip
         pressed = press(model, [Prony(1.0)] * 3, np.array([1.0]), np.array([depth_mm]))
         off.append(float(pressed.force_mn[0] / exact - 1))
@@ -252,7 +252,7 @@ def test_plate(pad: PadFile, cache: Path, measured: MeasuredTrial) -> None:
 def test_study_size(pad: PadFile) -> None:
     """One run at the study's size: some 300,000 unknowns."""
     started = time.perf_counter()
-    full = full_punch_pad(_meshed(pad, order=3, size_mm=0.45, contact_size_mm=0.01, grading=0.3))
+    full = full_punch_pad(_meshed(pad, order=3, size_mm=0.4, contact_size_mm=0.0075, grading=0.3))
     _, force = full.pressed(PUNCH, np.array([1.0]), np.ones(3))
     memory_gb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
     taken_s = time.perf_counter() - started

@@ -61,7 +61,7 @@ def read_mesh(pad: PadFile, load: Load, path: Path) -> PadMesh:
     }
     _check_apart(path, used)
     built = _build(points, regions, used)
-    refine_under(path, built, load, pad.mesh.contact_size_mm, pad.mesh.size_mm)
+    refine_under(path, built, load, pad.mesh)
     return PadMesh(built, load, PRESSED[load], copies, None, pad.mesh.order, file=path)
 
 

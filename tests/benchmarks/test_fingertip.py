@@ -252,7 +252,7 @@ def test_plate(pad: PadFile, cache: Path, measured: MeasuredTrial) -> None:
 def test_study_size(pad: PadFile) -> None:
     """One run at the study's size: some 300,000 unknowns."""
     started = time.perf_counter()
-    full = full_punch_pad(_meshed(pad, order=3, size_mm=0.4, contact_size_mm=0.0075, grading=0.3))
+    full = full_punch_pad(_meshed(pad, order=3, size_mm=0.42, contact_size_mm=0.0085, grading=0.3))
     _, force = full.pressed(PUNCH, np.array([1.0]), np.ones(3))
     memory_gb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
     taken_s = time.perf_counter() - started

@@ -192,9 +192,10 @@ def test_mesh_convergence(pad: PadFile) -> None:
 
 
 def test_times(pad: PadFile, cache: Path, measured: MeasuredTrial) -> None:
-    started = time.perf_counter()
+    started, worked = time.perf_counter(), time.process_time()
     punch = punch_pad(pad, cache)
-    solved_s = time.perf_counter() - started
+    # beside others a computer gives it less than all of its time: the limit is for the processor's
+    solved_s, processor_s = time.perf_counter() - started, time.process_time() - worked
     started = time.perf_counter()
     found = calibrate(punch, target_of(measured), "layered", 0.1, 2)
     calibrated_s = time.perf_counter() - started
@@ -213,7 +214,8 @@ def test_times(pad: PadFile, cache: Path, measured: MeasuredTrial) -> None:
     pads = scan(punch, target_of(measured), 2)
     memory_gb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
     plain = calibrate(punch, target_of(measured), "homogeneous", 1.0, 2)
-    print(f"\nmesh and reduced pad {solved_s:.1f} s ({punch.unknowns} unknowns), {memory_gb:.2f} GB")
+    print(f"\nmesh and reduced pad {solved_s:.1f} s, {processor_s:.1f} s of processor ({punch.unknowns} unknowns), "
+          f"{memory_gb:.2f} GB")  # fmt: skip
     print(f"a calibration {1e3 * calibrated_s:.0f} ms; a trial of 100 steps from materials {1e3 * stepped_s:.1f} ms, "
           f"of 72,000 samples {1e3 * sampled_s:.1f} ms ({len(relaxed.times_s)} arms)")  # fmt: skip
     print(f"homogeneous E {plain.core.relaxed_kpa:.1f} kPa; ratio 0.1: epidermis {found.epidermis.relaxed_kpa:.0f}, "
@@ -222,7 +224,8 @@ def test_times(pad: PadFile, cache: Path, measured: MeasuredTrial) -> None:
         "residual of the scan, % of A0:", ", ".join(f"{p.ratio:.2g}: {100 * p.rms_share:.4f}" for p in pads)
     )
     assert max(p.rms_share for p in pads) < 1e-3
-    assert stepped_s < 0.1
+    assert processor_s < 90
+    assert stepped_s < 0.01
     assert calibrated_s < 2
 
 

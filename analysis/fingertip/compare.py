@@ -36,11 +36,13 @@ class Span:
 class Comparison:
     """A pad beside the surface.
 
+    ``deflection_mm`` (N,) is the pad's where the surface was measured, ``curve_mm`` (A,) all along the finger.
     ``p_value``: of a misfit as large, were the pad right. ``spans``: where it is off by more than its errors.
     """
 
     name: str
     deflection_mm: FloatArray
+    curve_mm: FloatArray
     rms_mm: float
     p_value: float
     spans: tuple[Span, ...]
@@ -65,6 +67,7 @@ class Located:
             holds it.
         profile_log_ratio, profile_misfit: the profile: log ratios (P,), and how far the weighted sum of
             squares lies above its least (P,).
+        along_mm: places (A,) mm from the first measured one to the last that pads' curves are given at.
         pads: homogeneous, the pad file's layered pad at its best ratio, the best of all where that is another.
     """
 
@@ -81,6 +84,7 @@ class Located:
     limit: float
     profile_log_ratio: FloatArray
     profile_misfit: FloatArray
+    along_mm: FloatArray
     pads: tuple[Comparison, ...]
 
 
@@ -142,6 +146,8 @@ def _located(
     surface: MeasuredSurface, answers: LineAnswers, error_mm: FloatArray, known: bool, mesh_mm: FloatArray
 ) -> Located:
     layered, whiten = answers.layered_at(surface.position_mm), _whitener(error_mm, mesh_mm)
+    along_mm = _along(surface, answers)
+    layered_along = answers.layered_at(along_mm)
     first, last = np.log(answers.ratios[[0, -1]]).tolist()
     thin, thick = answers.thickness_mm[[0, -1]].tolist()
     own_mm, count = _own_mm(answers), _free(answers)
@@ -180,11 +186,12 @@ def _located(
     def compared(at_mm: float, at: float, fitted: int) -> Comparison:
         name = f"elastic epidermis of {at_mm:.3g} mm, ratio {np.exp(at):.3g}"
         mesh_there_mm = answers.mesh_error_at(surface.position_mm, at)
-        return _compared(name, layered(at, at_mm), surface, error_mm, mesh_there_mm, known, (fitted, count))
+        curves = layered(at, at_mm), layered_along(at, at_mm)
+        return _compared(name, curves, surface, error_mm, mesh_there_mm, known, (fitted, count))
 
     plain = _compared(
-        "homogeneous", answers.homogeneous_at(surface.position_mm), surface, error_mm,
-        answers.mesh_error_at(surface.position_mm, 0.0), known, (0, count),
+        "homogeneous", (answers.homogeneous_at(surface.position_mm), answers.homogeneous_at(along_mm)), surface,
+        error_mm, answers.mesh_error_at(surface.position_mm, 0.0), known, (0, count),
     )  # fmt: skip
     pads: tuple[Comparison, ...] = (plain, compared(thickness, log_ratio, count))
     if count == 2:
@@ -192,8 +199,15 @@ def _located(
         pads = (plain, compared(own_mm, float(own.x[0]), 1), pads[1])
     return Located(
         surface, error_mm, known, mesh_mm, float(np.exp(log_ratio)), float(np.exp(low)), float(np.exp(high)), at_end,
-        thickness, thickness_se, limit, grid, np.array([above(g) for g in grid]), pads,
+        thickness, thickness_se, limit, grid, np.array([above(g) for g in grid]), along_mm, pads,
     )  # fmt: skip
+
+
+def _along(surface: MeasuredSurface, answers: LineAnswers) -> FloatArray:
+    """Return the measured places and, between them, all that the pads were read at: skin falls fast near the line."""
+    measured_mm, read_mm = surface.position_mm, answers.position_mm
+    between = read_mm[(read_mm > measured_mm[0]) & (read_mm < measured_mm[-1])]
+    return np.union1d(measured_mm, between)
 
 
 def _solve(
@@ -228,14 +242,19 @@ def _interval(
 
 def _compared(
     name: str,
-    deflection: FloatArray,
+    curves: tuple[FloatArray, FloatArray],
     surface: MeasuredSurface,
     error_mm: FloatArray,
     mesh_mm: FloatArray,
     known: bool,
     fitted: tuple[int, int],
 ) -> Comparison:
-    """Set a pad beside the surface; ``fitted`` counts its values, and those of the best pad."""
+    """Set a pad beside the surface.
+
+    ``curves``: its deflection at the measured places, and all along; ``fitted`` counts its values, and those of the
+    best pad.
+    """
+    deflection, curve = curves
     left = surface.deflection_mm - deflection
     freedom, best_freedom = (len(left) - count for count in fitted)
     squares = float(np.sum(_whitener(error_mm, mesh_mm)(left) ** 2))
@@ -244,6 +263,7 @@ def _compared(
     return Comparison(
         name,
         deflection,
+        curve,
         float(np.sqrt(np.mean(left**2))),
         float(p_value),
         _spans(surface.position_mm, left / np.hypot(error_mm, mesh_mm), left),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -50,10 +50,13 @@ class ElasticPad:
     def mixture(self, moduli: Sequence[float] | FloatArray) -> Any:
         """Return sum_l E_l K_l as NGSolve's matrix."""
         whole = self.matrices[0].CreateMatrix()
+        self._mix(whole, moduli)
+        return whole
+
+    def _mix(self, whole: Any, moduli: Sequence[float] | FloatArray) -> None:
         whole.AsVector().data = float(moduli[0]) * self.matrices[0].AsVector()
         for modulus, matrix in zip(moduli[1:], self.matrices[1:], strict=True):
             whole.AsVector().data += float(modulus) * matrix.AsVector()
-        return whole
 
     def inverse(self, matrix: Any) -> Any:
         """Return the factored matrix on the displacements that are free."""
@@ -68,23 +71,36 @@ class ElasticPad:
         return field
 
     def pressed(
-        self, boundary: str, ratios: FloatArray, relative: FloatArray
+        self,
+        boundary: str,
+        ratios: FloatArray,
+        relative: FloatArray,
+        advance: Callable[[], None] = lambda: None,
     ) -> tuple[list[Any], FloatArray]:
         """Return answers (R vectors) to 1 mm on ``boundary`` for core ratios (R,), and forces (R,) mN.
 
-        Forces are those of the whole pad.
+        Forces are those of the whole pad; ``advance`` is called once a ratio.
         """
         given = self.pushed(boundary).vec
         answers, forces = [], []
         residual = given.CreateVector()
+        matrix = inverse = None
         for ratio in ratios:
-            matrix = self.mixture([relative[0], *(ratio * relative[1:])])
+            moduli = [relative[0], *(ratio * relative[1:])]
+            if inverse is None:
+                matrix = self.mixture(moduli)
+                inverse = self.inverse(matrix)
+            else:
+                # the order of elimination is that of the first
+                self._mix(matrix, moduli)
+                inverse.Update()
             answer = given.CreateVector()
             residual.data = matrix * given
-            answer.data = given - self.inverse(matrix) * residual
+            answer.data = given - inverse * residual
             residual.data = matrix * answer
             forces.append(self.mesh.copies * float(answer.InnerProduct(residual)))
             answers.append(answer)
+            advance()
         return answers, np.array(forces)
 
     def pull_share(self, boundary: str, answer: Any, moduli: Sequence[float] | FloatArray) -> float:

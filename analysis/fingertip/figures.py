@@ -19,6 +19,8 @@ from analysis.fingertip.view import MeshView
 from analysis.recordings.trial import FloatArray
 
 _NAMES = {"homogeneous": "homogeneous", "layered": "elastic epidermis"}
+_GAP = 2.5
+"""Of the usual step from place to place: a longer one is a gap."""
 _LAYER_COLOURS = ("#f2c9a1", "#e58f7b", "#f6e3a4")
 
 
@@ -105,12 +107,18 @@ def draw_comparison(out: Path, found: Located, answers: LineAnswers) -> dict[str
 def _surface(figure: Any, found: Located) -> None:
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     at, measured = found.surface.position_mm, found.surface.deflection_mm
+    steps_mm = np.diff(at)
+    gaps = 1 + np.flatnonzero(steps_mm > _GAP * np.median(steps_mm))
     above.errorbar(at, measured, found.error_mm, fmt=".", color="black", ms=4, lw=0.8, label="measured")
     for colour, pad in zip(COLOURS, found.pads, strict=False):
-        above.plot(
-            at, pad.deflection_mm, color=colour, lw=1.2, label=pad.name + (" (fails)" if pad.fails else "")
+        # the pads' own curve: straight from one measured place to the next it would be cut off under the line
+        label = pad.name + (" (fails)" if pad.fails else "")
+        above.plot(found.along_mm, pad.curve_mm, color=colour, lw=1.2, label=label)
+        off_um = 1e3 * (measured - pad.deflection_mm)
+        # no line over a gap, as there is under the tool: nothing was measured there
+        below.plot(
+            np.insert(at, gaps, np.nan), np.insert(off_um, gaps, np.nan), ".-", color=colour, lw=0.8, ms=3
         )
-        below.plot(at, 1e3 * (measured - pad.deflection_mm), ".-", color=colour, lw=0.8, ms=3)
     above.invert_yaxis()
     above.set_ylabel("deflection (mm)")
     above.legend()

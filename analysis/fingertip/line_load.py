@@ -26,7 +26,9 @@ _RAMP_STEPS, _HOLD_STEPS = 20, 16
 COARSER = 1.5
 """Size of the elements of a second mesh over that of the first: by how much both differ says how far off they are.
 
-A mesh of the user's own has a second order of elements instead."""
+A mesh of the user's own, and elements of order 2, have a second order of elements instead."""
+_LOCKED = 2
+"""Order of the elements that nearly incompressible tissue stiffens."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,8 +49,8 @@ class LineAnswers:
         layered: (T, R, q); homogeneous: (q,).
         mesh_error: of the layered pads at the file's own thickness, (R, q) mm: by how much a mesh of elements as
             large again by half differs, over that half (an error in proportion to the elements, as at the edges
-            of a punch and a line, where stress has no bound); for a mesh of the user's own, by how much elements
-            of another order differ, over what that is to an error as one over the order squared.
+            of a punch and a line, where stress has no bound); for a mesh of the user's own, or of order 2, by how
+            much elements of another order differ, over what that is to an error as one over the order squared.
         pads: the calibrated layered pads, by thickness and ratio.
         pressed: the homogeneous pad, and the layered pad of every ratio at the file's own thickness.
         model: the pad at the file's own thickness.
@@ -134,9 +136,12 @@ def answer_lines(
         thickness_mm = share * nominal_mm
         line, pads[thickness_mm], bent = of_ratios(own.with_epidermis(thickness_mm))
         layered[thickness_mm] = np.array([line.deflection @ one.weights[-1] for one in bent])
-    other, errors = _other_mesh(own)
-    beside, _, bent = of_ratios(other)
-    differ = np.array([beside.deflection @ one.weights[-1] for one in bent]) - here
+    other, errors = other_mesh(own)
+    # of the same materials: a punch on other elements gives them another scale, which deflection does not feel
+    beside = contact_pad(other, "line", snapshots, cache)
+    differ = (
+        np.array([beside.deflection @ press_line(beside, p, motion).weights[-1] for p in calibrated]) - here
+    )
     rising = sorted(layered)
     return LineAnswers(
         motion,
@@ -152,15 +157,15 @@ def answer_lines(
     )
 
 
-def _other_mesh(pad: PadFile) -> tuple[PadFile, float]:
+def other_mesh(pad: PadFile) -> tuple[PadFile, float]:
     """Return the pad on other elements, and the error of its own ones over the difference of both.
 
     Under edges, where stress has no bound, an error goes as the elements' size, and as one over their order squared
-    (Babuska and Suri 1987: there order gains twice what size does).
+    (Babuska and Suri 1987: there order gains twice what size does). Nearly incompressible tissue locks elements of
+    order 2 and below, larger ones of that order alike, so that only a higher order tells how far off they are.
     """
-    if pad.mesh.file is None:
-        return pad.with_elements(COARSER), 1 / (COARSER - 1.0)
-    # elements of order 1 are no measure of others: nearly incompressible tissue locks them
     order = pad.mesh.order
-    other = order - 1 if order > 2 else order + 1
+    if pad.mesh.file is None and order > _LOCKED:
+        return pad.with_elements(COARSER), 1 / (COARSER - 1.0)
+    other = order - 1 if order > _LOCKED else order + 1
     return pad.with_order(other), other**2 / (order**2 - other**2)

@@ -10,7 +10,7 @@ from typing import Any, Literal
 from analysis.errors import BadInputError
 from analysis.fingertip.folding import folded
 from analysis.fingertip.geometry import FAR_MM, capsule_x_mm, displacement_of_map, surfaces
-from analysis.fingertip.pad_file import LAYERS, Geometry, PadFile
+from analysis.fingertip.pad_file import LAYERS, Geometry, MeshSettings, PadFile
 
 Load = Literal["punch", "line", "plate"]
 PUNCH, STRIP, PLATE = "punch", "strip", "plate"
@@ -19,8 +19,6 @@ PRESSED: dict[Load, str] = {"punch": PUNCH, "line": STRIP, "plate": PLATE}
 FIXED = "bone|nail"
 SYMMETRY = "symmetry"
 LINE_WIDTH_MM, LINE_LENGTH_MM = 0.02, 5.0  # Kumar et al. 2015
-_STRIP_SIZE_MM = 0.06
-"""Of elements under the line: patches of 0.083 mm need no smaller ones."""
 _STRIP_DEPTH_MM = 0.05
 """Depth of the sliver of epidermis that is cut out under the line, so that the mesh follows its edges."""
 _TRIES, _FINER = 6, 0.8
@@ -57,14 +55,20 @@ def mesh_pad(pad: PadFile, load: Load) -> PadMesh:
         from analysis.fingertip.user_mesh import read_mesh
 
         return read_mesh(pad, load, file)
+    from netgen.libngpy._meshing import NgException
     from netgen.occ import OCCGeometry
     from ngsolve import Mesh
 
     shape = _shape(pad, load)
-    size_mm = pad.mesh.size_mm
+    size_mm, grading = pad.mesh.size_mm, pad.mesh.grading
     for _ in range(_TRIES):
-        # its threads make the same mesh and wait for each other: two seconds of processor where one needs half of one
-        made = OCCGeometry(shape).GenerateMesh(maxh=size_mm, grading=pad.mesh.grading, parallel_meshing=False)
+        try:
+            # its threads make the same mesh and wait for each other: two seconds of processor where one needs half
+            made = OCCGeometry(shape).GenerateMesh(maxh=size_mm, grading=grading, parallel_meshing=False)
+        except NgException:
+            # large elements that grow fast cut through thin layers
+            size_mm, grading = _FINER * size_mm, _FINER * grading
+            continue
         mesh = Mesh(made)
         mesh.Curve(pad.mesh.order)
         keep = _deform(mesh, pad)
@@ -73,7 +77,7 @@ def mesh_pad(pad: PadFile, load: Load) -> PadMesh:
         size_mm *= _FINER
     raise BadInputError(
         f"the mesh folds where layers are thin, even with elements of {size_mm / _FINER:.2g} mm: make mesh.size_mm "
-        "smaller, or the thinnest layer thicker"
+        "and mesh.grading smaller, or the thinnest layer thicker"
     )
 
 
@@ -192,7 +196,7 @@ def _rename(shape: Any, old: str, new: str) -> None:
 
 def _refine(whole: Any, pad: PadFile, load: Load) -> None:
     """Set the sizes of elements where the load is; a property set before the parts are joined is lost."""
-    face_mm, rim_mm = contact_sizes_mm(load, pad.mesh.contact_size_mm, pad.mesh.size_mm)
+    face_mm, rim_mm = contact_sizes_mm(pad.mesh, load)
     for face in whole.faces:
         if face.name == PRESSED[load]:
             _set_size(face, face_mm)
@@ -200,14 +204,12 @@ def _refine(whole: Any, pad: PadFile, load: Load) -> None:
                 _refine_rim(face, rim_mm)
 
 
-def contact_sizes_mm(load: Load, smallest_mm: float, size_mm: float) -> tuple[float, float]:
-    """Return the size of elements under a load, and at its rim, from the smallest of a mesh and the largest.
-
-    At the rim of the punch the stress has no bound.
-    """
+def contact_sizes_mm(sizes: MeshSettings, load: Load) -> tuple[float, float]:
+    """Return the size of elements under a load, and at its rim: at that of the punch the stress has no bound."""
+    smallest_mm = sizes.contact_size_mm
     if load == "punch":
         return 4 * smallest_mm, smallest_mm
-    face_mm = max(4 * smallest_mm, _STRIP_SIZE_MM) if load == "line" else size_mm / 2
+    face_mm = max(4 * smallest_mm, sizes.line_size_mm) if load == "line" else sizes.size_mm / 2
     return face_mm, face_mm
 
 

@@ -13,6 +13,8 @@ from analysis.errors import BadInputError
 
 LAYERS = ("epidermis", "dermis", "fat")
 """From the skin to the bone."""
+_FASTEST = 0.8
+"""Growth of elements that the mesher still makes a mesh with."""
 EXAMPLE = "pad.toml"
 
 
@@ -136,6 +138,8 @@ class MeshSettings(_Settings):
     order: Annotated[int, Field(ge=2, le=4)] = 3
     size_mm: Annotated[float, Field(gt=0, le=3)] = 0.9
     contact_size_mm: Annotated[float, Field(gt=0, le=0.5)] = 0.0075
+    # patches of 0.083 mm under the line need no smaller elements
+    line_size_mm: Annotated[float, Field(gt=0, le=0.5)] = 0.06
     grading: Annotated[float, Field(gt=0, lt=1)] = 0.5
     file: Path | None = None
     line_file: Path | None = None
@@ -169,8 +173,14 @@ class PadFile(_Settings):
         return 1.0, self.layers.dermis.relative_modulus, self.layers.fat.relative_modulus
 
     def with_elements(self, factor: float) -> PadFile:
-        """Return the same pad on a mesh of elements larger by a factor."""
-        sizes = {"size_mm": factor * self.mesh.size_mm, "contact_size_mm": factor * self.mesh.contact_size_mm}
+        """Return the same pad on a mesh of elements larger by a factor all over.
+
+        Between load and largest element the growth says how large they are, so that it has to grow as well.
+        """
+        there = self.mesh
+        sizes = {
+            name: factor * getattr(there, name) for name in ("size_mm", "contact_size_mm", "line_size_mm")
+        } | {"grading": max(there.grading, min(factor * there.grading, _FASTEST))}
         return self.model_copy(update={"mesh": self.mesh.model_copy(update=sizes)})
 
     def with_order(self, order: int) -> PadFile:

@@ -1,7 +1,7 @@
 """The pad in a few shapes: Galerkin's matrices of every layer on snapshots of the full mesh.
 
 Linear elasticity with one Poisson's ratio a layer is K = sum_l E_l K_l. The answers to all ratios of moduli lie
-close to a space of a dozen shapes; in it a layer is a matrix of that size, and so is whatever is read off.
+close to a space of some ten shapes; in it a layer is a matrix of that size, and so is whatever is read off.
 """
 
 from __future__ import annotations

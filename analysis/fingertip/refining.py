@@ -11,6 +11,7 @@ import numpy as np
 
 from analysis.errors import BadInputError
 from analysis.fingertip.meshing import PRESSED, PUNCH, Load, contact_sizes_mm
+from analysis.fingertip.pad_file import MeshSettings
 
 _LONGER = {"punch": 1.25, "line": 1.25, "plate": 2.0}
 """How much longer than asked for an edge may be: as the mesher's own longest ones are."""
@@ -19,12 +20,12 @@ _MOST_ELEMENTS = 200_000
 _ON_PLANE_MM = 1e-6
 
 
-def refine_under(path: Path, mesh: Any, load: Load, smallest_mm: float, size_mm: float) -> None:
+def refine_under(path: Path, mesh: Any, load: Load, sizes: MeshSettings) -> None:
     """Bisect the elements of a mesh of NGSolve until those under the load are as small as the mesher makes them.
 
     Raises BadInputError where that would take more elements than can be solved.
     """
-    face_mm, rim_mm = contact_sizes_mm(load, smallest_mm, size_mm)
+    face_mm, rim_mm = contact_sizes_mm(sizes, load)
     for _ in range(_ROUNDS):
         points = mesh.ngmesh.Coordinates()
         coarse = _too_long(mesh, points, PRESSED[load], _LONGER[load] * face_mm, 2 * rim_mm)

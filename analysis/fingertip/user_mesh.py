@@ -9,6 +9,8 @@ pad.toml says.
 
 from __future__ import annotations
 
+import contextlib
+import io
 from pathlib import Path
 from typing import Any
 
@@ -61,7 +63,7 @@ def read_mesh(pad: PadFile, load: Load, path: Path) -> PadMesh:
     }
     _check_apart(path, used)
     built = _build(points, regions, used)
-    refine_under(path, built, load, pad.mesh.contact_size_mm, pad.mesh.size_mm)
+    refine_under(path, built, load, pad.mesh)
     return PadMesh(built, load, PRESSED[load], copies, None, pad.mesh.order, file=path)
 
 
@@ -103,7 +105,9 @@ def _read(path: Path) -> Any:
     if not path.is_file():
         raise BadInputError(f"{path}: there is no such mesh file")
     try:
-        return meshio.read(path)
+        # some of its readers print an empty line, where a command prints the path of its page
+        with contextlib.redirect_stdout(io.StringIO()):
+            return meshio.read(path)
     except (meshio.ReadError, OSError, ValueError, KeyError, IndexError, SystemExit) as error:
         reason = " ".join(str(error).split()) or "unknown format"
         raise BadInputError(f"{path}: can't be read as a mesh ({reason}): see meshio's formats") from error

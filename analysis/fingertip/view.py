@@ -46,7 +46,8 @@ def view_of(mesh: PadMesh, fields: list[Any], combine: FloatArray, space: Any) -
     from ngsolve import BND, VOL
 
     netgen = mesh.mesh.ngmesh
-    corners = netgen.Coordinates()
+    # a copy: Netgen's own array is gone with its mesh
+    corners = np.array(netgen.Coordinates())
     if mesh.keep is not None:
         corners = corners + _at_corners(mesh.keep.vec, mesh.keep.space, len(corners))
     moved = np.stack([_at_corners(field, space, len(corners)) for field in fields])

@@ -120,8 +120,8 @@ def test_hertz(pad: PadFile, bodies: ModuleType) -> None:
         _, layers, given = shapes_of(full, patches, answers)
         empty = np.empty(0)
         model = ContactPad(
-            layers, np.ones(3), given, patches.area_mm2, _sphere_gap_mm(full, sphere_mm), patches.place_mm, empty,
-            empty, empty, empty, full.unknowns, None,  # type: ignore[arg-type]
+            layers, np.ones(3), given, patches.area_mm2, _sphere_gap_mm(full, sphere_mm), patches.place_mm,
+            *[empty] * 5, full.unknowns, None,  # type: ignore[arg-type]
         )  # fmt: skip
         pressed = press(model, [Prony(1.0)] * 3, np.array([1.0]), np.array([depth_mm]))
         off.append(float(pressed.force_mn[0] / exact - 1))
@@ -192,9 +192,10 @@ def test_mesh_convergence(pad: PadFile) -> None:
 
 
 def test_times(pad: PadFile, cache: Path, measured: MeasuredTrial) -> None:
-    started = time.perf_counter()
+    started, worked = time.perf_counter(), time.process_time()
     punch = punch_pad(pad, cache)
-    solved_s = time.perf_counter() - started
+    # beside others a computer gives it less than all of its time: the limit is for the processor's
+    solved_s, processor_s = time.perf_counter() - started, time.process_time() - worked
     started = time.perf_counter()
     found = calibrate(punch, target_of(measured), "layered", 0.1, 2)
     calibrated_s = time.perf_counter() - started
@@ -213,7 +214,8 @@ def test_times(pad: PadFile, cache: Path, measured: MeasuredTrial) -> None:
     pads = scan(punch, target_of(measured), 2)
     memory_gb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
     plain = calibrate(punch, target_of(measured), "homogeneous", 1.0, 2)
-    print(f"\nmesh and reduced pad {solved_s:.1f} s ({punch.unknowns} unknowns), {memory_gb:.2f} GB")
+    print(f"\nmesh and reduced pad {solved_s:.1f} s, {processor_s:.1f} s of processor ({punch.unknowns} unknowns), "
+          f"{memory_gb:.2f} GB")  # fmt: skip
     print(f"a calibration {1e3 * calibrated_s:.0f} ms; a trial of 100 steps from materials {1e3 * stepped_s:.1f} ms, "
           f"of 72,000 samples {1e3 * sampled_s:.1f} ms ({len(relaxed.times_s)} arms)")  # fmt: skip
     print(f"homogeneous E {plain.core.relaxed_kpa:.1f} kPa; ratio 0.1: epidermis {found.epidermis.relaxed_kpa:.0f}, "
@@ -222,7 +224,8 @@ def test_times(pad: PadFile, cache: Path, measured: MeasuredTrial) -> None:
         "residual of the scan, % of A0:", ", ".join(f"{p.ratio:.2g}: {100 * p.rms_share:.4f}" for p in pads)
     )
     assert max(p.rms_share for p in pads) < 1e-3
-    assert stepped_s < 0.1
+    assert processor_s < 90
+    assert stepped_s < 0.01
     assert calibrated_s < 2
 
 
@@ -252,7 +255,7 @@ def test_plate(pad: PadFile, cache: Path, measured: MeasuredTrial) -> None:
 def test_study_size(pad: PadFile) -> None:
     """One run at the study's size: some 300,000 unknowns."""
     started = time.perf_counter()
-    full = full_punch_pad(_meshed(pad, order=3, size_mm=0.45, contact_size_mm=0.01, grading=0.3))
+    full = full_punch_pad(_meshed(pad, order=3, size_mm=0.42, contact_size_mm=0.0085, grading=0.3))
     _, force = full.pressed(PUNCH, np.array([1.0]), np.ones(3))
     memory_gb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
     taken_s = time.perf_counter() - started
@@ -265,28 +268,30 @@ def test_study_size(pad: PadFile) -> None:
 def test_concealed_ratios(pad: PadFile, cache: Path, measured: MeasuredTrial, full_march: ModuleType) -> None:
     """Ratio drawn, thickness one of three, neither told; noise of 5 um at each of 58 places.
 
-    Surfaces come from the full march on another mesh with elements of order 3; the analysis has order 2, where
-    the factors are quick, and shapes.
+    Surfaces come from the full march on another mesh, with smaller elements under the line; the analysis has the
+    elements that ship, but for the rim of the punch, and shapes.
     """
     cases, noise_mm = 20, 0.005
-    quick = _meshed(pad, order=2)
+    quick = _meshed(pad, contact_size_mm=0.015)
     started = time.perf_counter()
     target = target_of(measured)
     punch = punch_pad(quick, cache)
     pads = (calibrate(punch, target, "homogeneous", 1.0, 2), calibrate(punch, target, "layered", 0.1, 2))
     answers = answer_lines(Calibration(quick, measured, pads, ()), LineMotion(), cache)
     print(f"\nline: {time.perf_counter() - started:.0f} s for thicknesses and ratios {answers.layered.shape[:2]}, "
-          f"{answers.model.unknowns} unknowns", flush=True)  # fmt: skip
+          f"{answers.model.unknowns} unknowns; mesh off by {1e3 * np.sqrt(np.mean(answers.mesh_error**2)):.1f} um",
+          flush=True)  # fmt: skip
     rng = np.random.default_rng(20)
     places_mm = np.concatenate([-np.arange(0.2, 3.01, 0.1)[::-1], np.arange(0.2, 3.01, 0.1)])
     depth_mm = 0.5 * np.minimum(0.2 * np.arange(1, 21), 1.0)
     inside = refuted = 0
     for case in range(cases):
         ratio = float(np.exp(rng.uniform(np.log(0.02), 0.0)))
-        hidden = quick.with_epidermis(float(rng.choice([0.25, 0.30, 0.35])))
+        hidden = pad.with_epidermis(float(rng.choice([0.25, 0.30, 0.35])))
         # how the hidden pad was calibrated is no part of what is concealed: as the analysis would, once a thickness
-        own = calibrate(punch_pad(_meshed(hidden, contact_size_mm=0.03), cache), target, "layered", ratio, 2)
-        other = _meshed(hidden, order=3, size_mm=1.0, contact_size_mm=0.02, grading=0.6)
+        rough = punch_pad(_meshed(hidden, order=2, contact_size_mm=0.03), cache)
+        own = calibrate(rough, target, "layered", ratio, 2)
+        other = _meshed(hidden, size_mm=1.0, contact_size_mm=0.0125, line_size_mm=0.05, grading=0.55)
         truth = full_march.march_line(other, own.materials(np.ones(3)), depth_mm, 0.2, places_mm)
         noise = noise_mm * rng.standard_normal(len(truth))
         surface = MeasuredSurface("concealed", places_mm, truth + noise, np.full(len(truth), noise_mm))
@@ -294,8 +299,9 @@ def test_concealed_ratios(pad: PadFile, cache: Path, measured: MeasuredTrial, fu
         hit = found.ratio_low <= ratio <= found.ratio_high
         inside += hit
         refuted += found.pads[0].fails
+        end = "at an end, " if found.at_end else ""
         print(f"{case}: ratio {ratio:.3f}, found {found.ratio:.3f} ({found.ratio_low:.3f} to {found.ratio_high:.3f}) "
-              f"{'in' if hit else 'OUT'}; epidermis {hidden.geometry.epidermis_mm.value:.2f} mm, found "
+              f"{end}{'in' if hit else 'OUT'}; epidermis {hidden.geometry.epidermis_mm.value:.2f} mm, found "
               f"{found.thickness_mm:.3f}; p: homogeneous {found.pads[0].p_value:.1e}, best {found.pads[2].p_value:.2g}",
               flush=True)  # fmt: skip
     print(f"{inside} of {cases} ratios inside their 95 % intervals; homogeneous pad refuted {refuted} times")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -24,7 +25,13 @@ from analysis.fingertip.reduced import PunchPad
 def coarse(pad: PadFile) -> PadFile:
     """Return the pad with a mesh for tests: a second's work."""
     sizes = {"order": 2, "contact_size_mm": 0.05, "size_mm": 1.0, "grading": 0.7}
-    return pad.model_copy(update={"mesh": pad.mesh.model_copy(update=sizes)})
+    shorter = pad.plate.length_mm.model_copy(update={"value": 4.0})
+    return pad.model_copy(
+        update={
+            "mesh": pad.mesh.model_copy(update=sizes),
+            "plate": pad.plate.model_copy(update={"length_mm": shorter}),
+        }
+    )
 
 
 @pytest.fixture(scope="session")
@@ -66,8 +73,11 @@ def written(module_at: Callable[[Path], ModuleType]) -> ModuleType:
 
 @pytest.fixture(scope="session")
 def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A cache of this session's own."""
-    return tmp_path_factory.mktemp("pads")
+    """A cache of this session's own, which all its workers share: a pad is solved once, not once a worker."""
+    own = tmp_path_factory.getbasetemp()
+    folder = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "pads"
+    folder.mkdir(exist_ok=True)
+    return folder
 
 
 @pytest.fixture(scope="session")
@@ -87,13 +97,15 @@ def measured() -> MeasuredTrial:
 
 @pytest.fixture(scope="session")
 def pad_text() -> Callable[[PadFile], str]:
-    """The shipped pad.toml with a pad's mesh."""
+    """The shipped pad.toml with a pad's mesh and the length of its plate."""
 
     def text_of(pad: PadFile) -> str:
         text = example_text()
-        for name in ("order", "size_mm", "contact_size_mm", "grading"):
-            there = rf"^{name} += [\d.]+"
-            text, count = re.subn(there, f"{name} = {getattr(pad.mesh, name)}", text, flags=re.MULTILINE)
+        mesh = ("order", "size_mm", "contact_size_mm", "line_size_mm", "grading")
+        given = {f"{name} = ": getattr(pad.mesh, name) for name in mesh}
+        for begin, value in (given | {"length_mm = { value = ": pad.plate.length_mm.value}).items():
+            there = rf"^{re.escape(begin).replace('=', ' *=', 1)}[\d.]+"
+            text, count = re.subn(there, f"{begin}{value}", text, flags=re.MULTILINE)
             assert count == 1
         return text
 

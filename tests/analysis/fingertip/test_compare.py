@@ -11,8 +11,8 @@ from analysis.fingertip.calibrate import calibrate, target_of
 from analysis.fingertip.calibration_file import Calibration
 from analysis.fingertip.compare import locate
 from analysis.fingertip.contact import press, ramp_and_hold, touching_pressure
-from analysis.fingertip.line_load import LineMotion, answer_lines
-from analysis.fingertip.meshing import mesh_pad
+from analysis.fingertip.line_load import LineMotion, answer_lines, other_mesh
+from analysis.fingertip.meshing import contact_sizes_mm, mesh_pad
 from analysis.fingertip.page import write_comparison_page
 from analysis.fingertip.punch import punch_pad
 from analysis.fingertip.reduced import chebyshev_ratios
@@ -21,18 +21,25 @@ from analysis.fingertip.viscoelastic import relaxation
 
 _PLACES_MM = np.concatenate([-np.arange(0.2, 3.01, 0.1)[::-1], np.arange(0.2, 3.01, 0.1)])
 _NOISE_MM = 0.005
+_OWN_MM = 0.45
+"""Thickness of the epidermis: two thirds of it still hold a coarse mesh."""
 
 
-@pytest.fixture(scope="session")
-def answers(coarse_pad, measured, cache, punch):
-    target = target_of(measured)
+def _answers_of(pad, measured, cache):
+    target, punch = target_of(measured), punch_pad(pad, cache)
     pads = (
         calibrate(punch, target, "homogeneous", 1.0, 2),
         calibrate(punch, target, "layered", 0.1, 2),
     )
-    found = Calibration(coarse_pad, measured, pads, ())
-    few = chebyshev_ratios(0.02, 2.0, 3)
+    found = Calibration(pad, measured, pads, ())
+    few = chebyshev_ratios(0.02, 2.0, 2)
     return answer_lines(found, LineMotion(), cache, (0.03, 0.08, 0.3, 1.0), few)
+
+
+@pytest.fixture(scope="module")
+def answers(flat_pad, measured, cache):
+    """Lines into pads of flat elements: seconds, and a mesh whose error is tens of micrometres."""
+    return _answers_of(flat_pad.with_epidermis(_OWN_MM), measured, cache)
 
 
 def test_a_reduced_punch_goes_where_the_full_march_goes(coarse_pad, punch, measured, full_march):
@@ -77,21 +84,22 @@ def test_contact_against_non_negative_least_squares():
 def test_a_stiffer_core_leaves_a_narrower_trough(answers):
     at = np.array([0.5, 1.0])
     deflection = answers.layered_at(at)
-    by_ratio = np.array([deflection(np.log(r), 0.3) for r in (0.04, 0.1, 0.5)])
+    by_ratio = np.array([deflection(np.log(r), _OWN_MM) for r in (0.04, 0.1, 0.5)])
     assert (np.diff(by_ratio, axis=0) < 0).all()
     assert (answers.homogeneous_at(at) < by_ratio[1]).all()
 
 
 @pytest.mark.slow
 def test_a_concealed_ratio_is_found_and_the_homogeneous_pad_fails(
-    coarse_pad, measured, answers, full_march, tmp_path
+    coarse_pad, measured, full_march, cache, tmp_path
 ):
     """The surface comes from the full march on another mesh; noise of 5 um a place, seed fixed.
 
     These meshes are coarse: they differ by more than the noise, which the interval knows.
     """
+    answers = _answers_of(coarse_pad.with_epidermis(_OWN_MM), measured, cache)
     sizes = {"contact_size_mm": 0.04, "size_mm": 1.0}
-    other = coarse_pad.with_epidermis(0.27)
+    other = coarse_pad.with_epidermis(0.9 * _OWN_MM)
     other = other.model_copy(update={"mesh": coarse_pad.mesh.model_copy(update=sizes)})
     punch = punch_pad(other, tmp_path)
     materials = calibrate(punch, target_of(measured), "layered", 0.1, 2).materials(punch.relative)
@@ -116,7 +124,7 @@ def test_a_concealed_ratio_is_found_and_the_homogeneous_pad_fails(
 
 def test_the_error_of_the_mesh_widens_the_interval(answers):
     """A surface of the pad itself: with no error of the mesh its ratio is known to the noise, else less well."""
-    deflection = answers.layered_at(_PLACES_MM)(np.log(0.1), 0.3)
+    deflection = answers.layered_at(_PLACES_MM)(np.log(0.1), _OWN_MM)
     surface = MeasuredSurface("s", _PLACES_MM, deflection, np.full(len(deflection), _NOISE_MM))
     sure = locate(surface, replace(answers, mesh_error=np.zeros_like(answers.mesh_error)))
     honest = locate(surface, answers)
@@ -127,17 +135,58 @@ def test_the_error_of_the_mesh_widens_the_interval(answers):
         assert found.ratio_low < 0.1 < found.ratio_high
 
 
+def test_a_second_mesh_is_another_where_the_first_is_off(coarse_pad):
+    """Coarser under the line too, where most of the error is; locked elements of order 2 beside better ones."""
+    cubic = coarse_pad.with_order(3)
+    coarser, share = other_mesh(cubic)
+    assert coarser.mesh.order == 3
+    assert share == pytest.approx(2.0)
+    for load in ("punch", "line", "plate"):
+        sizes, larger = (np.array(contact_sizes_mm(pad.mesh, load)) for pad in (cubic, coarser))
+        assert larger == pytest.approx(1.5 * sizes)
+    fine = cubic.model_copy(
+        update={"mesh": cubic.mesh.model_copy(update={"contact_size_mm": 0.001, "grading": 0.4})}
+    )
+    assert contact_sizes_mm(other_mesh(fine)[0].mesh, "line")[0] == pytest.approx(
+        1.5 * fine.mesh.line_size_mm
+    )
+    assert other_mesh(fine)[0].mesh.grading == pytest.approx(0.6)
+    better, share = other_mesh(coarse_pad)
+    assert better == cubic
+    assert share == pytest.approx(-9 / 5)
+
+
 def test_the_page_says_what_fails_and_where(answers, tmp_path):
-    deflection = answers.layered_at(_PLACES_MM)(np.log(0.1), 0.3)
+    deflection = answers.layered_at(_PLACES_MM)(np.log(0.1), _OWN_MM)
     noise = _NOISE_MM * np.random.default_rng(6).standard_normal(len(deflection))
     errors = np.full(len(deflection), _NOISE_MM)
-    found = locate(MeasuredSurface("surface.csv", _PLACES_MM, deflection + noise, errors), answers)
+    # with all of its error this mesh could refute nothing
+    finer = replace(answers, mesh_error=0.1 * answers.mesh_error)
+    found = locate(MeasuredSurface("surface.csv", _PLACES_MM, deflection + noise, errors), finer)
     assert found.ratio_low < 0.1 < found.ratio_high
     assert not found.pads[2].fails
-    page = write_comparison_page(tmp_path, found, answers).read_text()
+    page = write_comparison_page(tmp_path, found, finer).read_text()
     assert 'homogeneous</td><td class="text">fails' in page
     assert json.loads((tmp_path / "compare.json").read_text())["pads"][0]["off_where"]
     assert {path.name for path in tmp_path.glob("*.vtu")} == {"homogeneous_line.vtu", "layered_line.vtu"}
+
+
+def test_a_pads_curve_goes_on_where_nothing_was_measured(answers):
+    """Places beside the line only: the trough between them is drawn as deep as the pad has it."""
+    deflection = answers.layered_at(_PLACES_MM)(np.log(0.1), _OWN_MM)
+    errors = np.full(len(deflection), _NOISE_MM)
+    found = locate(MeasuredSurface("s", _PLACES_MM, deflection, errors), answers)
+    assert (found.along_mm[0], found.along_mm[-1]) == (_PLACES_MM[0], _PLACES_MM[-1])
+    for pad in found.pads:
+        measured = np.isin(found.along_mm, _PLACES_MM)
+        np.testing.assert_allclose(pad.curve_mm[measured], pad.deflection_mm, atol=1e-12)
+    here = found.along_mm == 0.0
+    plain, _, best = found.pads
+    assert plain.curve_mm[here] == pytest.approx(answers.homogeneous_at(np.zeros(1)))
+    assert best.curve_mm[here] == pytest.approx(
+        answers.layered_at(np.zeros(1))(np.log(0.1), _OWN_MM), rel=1e-3
+    )
+    assert plain.curve_mm[here] > 1.2 * plain.deflection_mm.max()
 
 
 def test_motion_ends_where_it_should():

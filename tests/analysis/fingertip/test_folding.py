@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from analysis.errors import BadInputError
 from analysis.fingertip.folding import folded, lattice, monomials
+from analysis.fingertip.meshing import mesh_pad
 
 
 @given(st.integers(0, 6), st.integers(0, 10**6))
@@ -34,3 +38,31 @@ def test_a_cube_whose_side_is_bent_through_itself(bend: float, inside_out: bool)
     moved.Set(CF((bend * x * (1 - x), 0, 0)))
     mesh.SetDeformation(moved)
     assert folded(mesh, 2) is inside_out
+
+
+def test_a_mesher_that_gives_up_is_asked_for_smaller_elements(
+    coarse_pad, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Large elements that grow fast cut through thin layers: the surface overlaps, and Netgen raises."""
+    import netgen.occ
+    from netgen.libngpy._meshing import NgException
+
+    asked: list[tuple[float, float]] = []
+
+    class Once:
+        def __init__(self, shape: Any) -> None:
+            self._geometry = made(shape)
+
+        def GenerateMesh(self, *, maxh: float, grading: float, parallel_meshing: bool) -> Any:  # noqa: N802
+            asked.append((maxh, grading))
+            if len(asked) <= fails:
+                raise NgException("Meshing failed!")
+            return self._geometry.GenerateMesh(maxh=maxh, grading=grading, parallel_meshing=parallel_meshing)
+
+    made, fails = netgen.occ.OCCGeometry, 1
+    monkeypatch.setattr(netgen.occ, "OCCGeometry", Once)
+    assert mesh_pad(coarse_pad, "punch").mesh.ne > 0
+    assert asked[:2] == [(1.0, 0.7), (pytest.approx(0.8), pytest.approx(0.56))]
+    fails = 99
+    with pytest.raises(BadInputError, match=r"make mesh.size_mm and mesh.grading smaller"):
+        mesh_pad(coarse_pad, "punch")

@@ -62,6 +62,8 @@ def test_a_file_answers_as_the_pad_it_was_written_of(flat_pad, folder, load):
     pressed, wanted = _pressed(own), _pressed(parametric)
     assert pressed.force_mn == pytest.approx(wanted.force_mn, rel=1e-9)
     assert own.borders_mm == pytest.approx(parametric.borders_mm, abs=1e-9)
+    # corners to look at outlive the mesh they were read from
+    np.testing.assert_allclose(own.view.corners_mm, parametric.view.corners_mm, atol=1e-6)
     both = np.intersect1d(np.round(own.position_mm, 9), np.round(parametric.position_mm, 9))
     assert both[0] < -5
     assert both[-1] > 4

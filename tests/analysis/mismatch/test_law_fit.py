@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from scipy.optimize import Bounds, minimize
 
 from analysis.mismatch.fit.law_fit import LARGEST_TISSUE_STEP, MOST_DELAY_SAMPLES, bounded_step, vector
+from analysis.mismatch.fit.own import solved
 from analysis.mismatch.model.effects import TISSUE_SIZE, Law, Shared
 from analysis.simulation.mechanism import library
 
@@ -45,3 +46,16 @@ def test_a_step_is_the_best_that_keeps_within_all_bounds(seed: int) -> None:
     assert np.all(step >= lower - 1e-9)
     assert np.all(step <= upper + 1e-9)
     assert 0.5 * float(np.sum((X @ step - y) ** 2)) <= best.fun * (1.0 + 1e-6) + 1e-9
+
+
+@given(st.integers(0, 10**6), st.floats(1e-6, 1e6))
+def test_what_a_trial_shows_nothing_of_stays_where_it_is(seed: int, scale: float) -> None:
+    """The others are solved for as if it were not there, in whatever units they are."""
+    random = np.random.default_rng(seed)
+    J = random.normal(size=(20, 4)) * [1.0, scale, 0.0, 1.0]
+    b = J.T @ random.normal(size=20)
+    found, shown = solved(J.T @ J, b), [0, 1, 3]
+    assert found[2] == 0.0
+    np.testing.assert_allclose(
+        found[shown], np.linalg.lstsq(J[:, shown], np.linalg.pinv(J[:, shown].T) @ b[shown])[0], rtol=1e-6
+    )

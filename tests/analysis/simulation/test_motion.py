@@ -1,0 +1,41 @@
+"""The servo that a recording shows, of a drive as slow as a machine's axis or as quick as a lever."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.recordings import read_trial
+from analysis.recordings.importing import import_recordings
+from analysis.simulation.motion import fit_servo
+from analysis.simulation.servo import follow
+
+RATE_HZ = 2000.0
+
+
+@pytest.mark.parametrize(("wn", "zeta"), [(40.0, 0.8), (130.0, 0.4), (600.0, 1.0)])
+def test_the_servo_of_a_drive_is_found_from_its_sweep(tmp_path: Path, wn: float, zeta: float) -> None:
+    """A sweep without kinks: smooth strokes, whose lag shows all along and nowhere in particular."""
+    random = np.random.default_rng(5)
+    time_s = np.arange(int(6.0 * RATE_HZ)) / RATE_HZ
+    moving_s = np.maximum(time_s - 0.5, 0.0)
+    command_mm = 10.0 * (1.0 - np.cos(2.0 * np.pi * 0.7 * moving_s)) + 2.0 * (
+        1.0 - np.cos(2.0 * np.pi * 3.0 * moving_s)
+    )
+    position_mm = follow(command_mm, RATE_HZ, wn, zeta).position_mm + random.normal(
+        scale=2e-3, size=len(time_s)
+    )
+    table = np.column_stack([time_s, position_mm, random.normal(size=len(time_s)), command_mm])
+    np.savetxt(
+        tmp_path / "axis.csv",
+        table,
+        delimiter=",",
+        header="time_s,position_mm,force_mn,command_mm",
+        comments="",
+    )
+    (imported,), refused = import_recordings([tmp_path / "axis.csv"], tmp_path / "trials", "air_sweep")
+    assert not refused
+    found = fit_servo([read_trial(imported.path)])
+    assert found == pytest.approx((wn, zeta), rel=0.02)

@@ -87,12 +87,13 @@ def fit_servo(trials: list[Trial]) -> tuple[float, float]:
         command_mm = trial.command_mm
         if command_mm is None:
             continue
-        kinks = find_kinks(trial)
         half = round(NEAR_KINK_S * trial.sample_rate_hz)
         if half < SERVO_SAMPLES:
             continue
-        stretches = [(max(0, k - half), min(trial.n_samples, k + half)) for k in kinks]
-        for lo, hi in stretches if trial.kind != "air_sweep" else [(0, trial.n_samples)]:
+        stretches = [(0, trial.n_samples)]
+        if trial.kind != "air_sweep":
+            stretches = [(max(0, k - half), min(trial.n_samples, k + half)) for k in find_kinks(trial)]
+        for lo, hi in stretches:
             u = command_mm[lo:hi]
             # a stretch must begin at rest or on a steady ramp, or the filter's start would be wrong
             if hi - lo < half or np.ptp(u) < 0.01:

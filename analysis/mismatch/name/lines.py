@@ -68,7 +68,7 @@ def find_lines(fit: StudyFit) -> list[Line]:
     window *= np.sqrt(n / float(window @ window))
     spectra = np.array([np.abs(np.fft.rfft((s[:n] - s[:n].mean()) * window)) ** 2 / n for s in stretches])
     frequency = np.fft.rfftfreq(n, 1.0 / rate)
-    rounding = np.array([ROUNDING * float(np.abs(t.full_force_mn).max()) for t in fit.trials]).max()
+    rounding = ROUNDING * max(float(np.abs(t.full_force_mn).max()) for t in fit.trials)
     local = np.array([median_filter(s, BACKGROUND, mode="nearest") for s in spectra]) / np.log(2.0)
     # no tone is finer than the numbers that hold it: what an interpolation leaves is smoother than they are
     local += rounding**2

@@ -157,11 +157,13 @@ def _residual(figure: Any, diagnosis: Diagnosis, report: Report) -> None:
         residuals = [fit.residual_mn(j) for j in range(len(trials))]
         for column, phase in enumerate(phases):
             axes = panels[row, column]
+            along, name_of_measure = _measure(phase, trials[0].study_depth_mm)
             for k, (label, members) in enumerate(conditions):
                 found = phase_curve(trials, residuals, [s.z0_mm for s in fit.states], phase, members)
                 if found is not None:
                     measure, mean_mn = found
-                    (line,) = axes.plot(measure, factor * mean_mn, lw=0.9, color=COLOURS[k % len(COLOURS)])
+                    colour = COLOURS[k % len(COLOURS)]
+                    (line,) = axes.plot(along * measure, factor * mean_mn, lw=0.9, color=colour)
                     drawn.setdefault(label, line)
             axes.axhline(0.0, color="black", lw=0.5)
             if phase in ("hold", "dwell", "clear"):
@@ -174,7 +176,7 @@ def _residual(figure: Any, diagnosis: Diagnosis, report: Report) -> None:
                 if marked:
                     axes.set_facecolor("#FFFBE0")
             if row == len(fits) - 1:
-                axes.set_xlabel(_measure(phase, trials[0].study_depth_mm))
+                axes.set_xlabel(name_of_measure)
         panels[row, 0].set_ylabel(f"{name}\nmean residual ({unit})")
     if len(drawn) > 1:
         shown = {label: drawn[label] for label, _ in conditions if label in drawn}
@@ -191,16 +193,11 @@ def _shows(
     return curve is not None and len(curve[0]) >= _FEWEST_POINTS
 
 
-def _length(study_depth_mm: float) -> tuple[float, str]:
-    """Return a factor and the unit in which depths of a study are read best."""
-    return (1e3, "um") if study_depth_mm < _SHALLOW_MM else (1.0, "mm")
-
-
-def _measure(phase: str, study_depth_mm: float) -> str:
-    """Say over what a phase is laid out."""
+def _measure(phase: str, study_depth_mm: float) -> tuple[float, str]:
+    """Return a factor and the name of what a phase is laid out over."""
     if phase in _OVER_DEPTH:
-        return f"depth ({_length(study_depth_mm)[1]})"
-    return "share of it" if phase in ("ramp", "sweep") else "since start (s)"
+        return (1e3, "depth (um)") if study_depth_mm < _SHALLOW_MM else (1.0, "depth (mm)")
+    return 1.0, "share of it" if phase in ("ramp", "sweep") else "since start (s)"
 
 
 def _few_conditions(trials: Sequence[CellTrial]) -> list[tuple[str, list[int]]]:
@@ -236,9 +233,8 @@ def phase_curve(
         s = t.time_s[inside]
         half = 0.5 / t.sample_rate_hz
         if phase in _OVER_DEPTH:
-            factor, _ = _length(t.study_depth_mm)
-            measure = factor * (t.position_mm[inside] - z0s_mm[j])
-            if np.ptp(t.position_mm[inside]) < _REST * t.study_depth_mm:
+            measure = t.position_mm[inside] - z0s_mm[j]
+            if np.ptp(measure) < _REST * t.study_depth_mm:
                 continue
         elif phase in ("ramp", "sweep"):
             measure = (s - s[0]) / (s[-1] - s[0])
@@ -249,8 +245,7 @@ def phase_curve(
         return None
     low, high = min(float(m.min()) for m, _, _ in measured), max(float(m.max()) for m, _, _ in measured)
     if phase in _OVER_DEPTH:
-        study_depth_mm = trials[0].study_depth_mm
-        low = max(low, -_AIR_SHOWN * study_depth_mm * _length(study_depth_mm)[0])
+        low = max(low, -_AIR_SHOWN * trials[0].study_depth_mm)
     if high <= low:
         return None
     log = phase in ("hold", "dwell", "clear") and low > 0

@@ -102,6 +102,11 @@ class CellTrial:
         return self.position_mm - TRAVEL_MIDDLE_MM
 
     @cached_property
+    def half_travel_mm(self) -> FloatArray:
+        """Half of the way that the tip goes within each cell, (n,), mm; never quite zero."""
+        return 0.5 * np.abs(self.velocity_mm_s) * self.counts / self.sample_rate_hz + 1e-9
+
+    @cached_property
     def steps(self) -> Steps:
         """The times between the cells."""
         return Steps.between(self.time_s)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from analysis.simulation.cells import CellTrial
@@ -32,9 +33,20 @@ def indentation(position_mm: FloatArray, z0_mm: FloatArray | float, trial: CellT
     Within a cell the tip moves linearly by 2w: the mean of the kinked law is (m + w)^2 / (4 w) where the
     contact point lies inside; so the model stays smooth in z0 however coarse the cells are.
     """
-    m = position_mm - z0_mm
-    w = 0.5 * np.abs(trial.velocity_mm_s) * trial.counts / trial.sample_rate_hz + 1e-9
-    return np.where(m >= w, m, np.where(m <= -w, 0.0, (m + w) ** 2 / (4.0 * w)))
+    return _smooth_kink(position_mm - z0_mm, trial.half_travel_mm)
+
+
+@njit(cache=True)
+def _smooth_kink(m: FloatArray, w: FloatArray) -> FloatArray:
+    depth = np.empty_like(m)
+    for i in range(len(m)):
+        if m[i] >= w[i]:
+            depth[i] = m[i]
+        elif m[i] <= -w[i]:
+            depth[i] = 0.0
+        else:
+            depth[i] = (m[i] + w[i]) ** 2 / (4.0 * w[i])
+    return depth
 
 
 def simulate_force(

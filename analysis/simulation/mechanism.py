@@ -68,6 +68,11 @@ class Tissue:
     k2: float
     tau2: float
 
+    @property
+    def logarithms(self) -> FloatArray:
+        """Natural logarithms (5,) of the constants, in their order."""
+        return np.log([self.k0, self.k1, self.tau1, self.k2, self.tau2])
+
 
 class Mechanism:
     """A mechanism of the library; a subclass sets the words and overrides the stages it changes.

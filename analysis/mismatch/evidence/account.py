@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.mismatch.evidence.heldout import predictive_deviance
-from analysis.mismatch.fit.baseline import reweighed
+from analysis.mismatch.fit.baseline import begun_anew, noise_left
 from analysis.mismatch.fit.gram import Grams, gram
 from analysis.mismatch.fit.law_fit import fit_laws, known_beforehand, law_columns
 from analysis.mismatch.fit.noise import NoiseModel
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import FEWEST_HELD_OUT, INEXACT, ROUGH
-from analysis.mismatch.model.effects import Law, OwnShape, TrialState, simulate
+from analysis.mismatch.model.effects import Law, OwnShape, OwnShapes, TrialState, simulate
 from analysis.recordings.trial import PHASE_NAMES
 
 FloatArray = NDArray[np.float64]
@@ -102,26 +102,35 @@ class Account:
 
         What looks like slow noise may be what was left out; it is judged by the noise that is left with it.
         """
-        noise = self.fit.noise
-        parts = tuple(part for part in noise.parts if part[1] < SLOW_S)
-        if parts == noise.parts:
+        quick = self.fit.noise.quicker_than(SLOW_S)
+        if quick == self.fit.noise:
             return self
-        return replace(self, fit=self.fit.weighed_by(NoiseModel(noise.white_mn, parts)).with_population(1))
+        return replace(self, fit=self.fit.weighed_by(quick).with_population(1))
+
+    def settled(self) -> Account:
+        """Return the account reweighed, or begun anew if it then predicts better.
+
+        From where it stands tissue and slow noise may stand for a part of what was added.
+        """
+        here = self.reweighed()
+        exact = self.exact
+        anew = begun_anew(exact.fit.weighed_by(exact.fit.noise.quicker_than(SLOW_S)))
+        there = replace(exact, fit=anew).with_laws(anew.shared.laws).reweighed()
+        return max(here, there, key=lambda account: float(account.evidence.sum()))
 
     def reweighed(self) -> Account:
         """Return the account with the noise measured anew from what it leaves, its laws exact or not as is likelier."""
-        exact = self.exact
-        noise = reweighed(exact.fit).noise
-        exact = exact.at_noise(noise)
+        exact = self.exact.at_noise(noise_left(self.exact.fit))
         if not exact.fit.shared.laws or len(exact.fit.trials) < FEWEST_HELD_OUT:
             return exact
         best = exact
         for share in (INEXACT, ROUGH):
-            rough = replace(exact, fit=with_inexactness(exact.fit, share), inexact=share).at_noise(noise)
+            rough = replace(exact, fit=with_inexactness(exact.fit, share), inexact=share)
             if rough.evidence.sum() <= best.evidence.sum():
                 break
             best = rough
-        return best
+        # what is linear need not be refitted to be weighed
+        return best if best is exact else best.at_noise(best.fit.noise)
 
     @property
     def exact(self) -> Account:
@@ -142,7 +151,7 @@ def _without(state: TrialState, effect: str) -> TrialState:
 
 
 def _kept(state: TrialState, kept: list[int]) -> TrialState:
-    return replace(state, shapes=tuple(state.shapes[k] for k in kept), coefficients=state.coefficients[kept])
+    return replace(state, shapes=OwnShapes(state.shapes[k] for k in kept), coefficients=state.coefficients[kept])
 
 
 def with_inexactness(fit: StudyFit, share: float) -> StudyFit:
@@ -161,7 +170,7 @@ def with_inexactness(fit: StudyFit, share: float) -> StudyFit:
         states.append(
             replace(
                 state,
-                shapes=(*(state.shapes[k] for k in kept), *added),
+                shapes=OwnShapes((*(state.shapes[k] for k in kept), *added)),
                 coefficients=np.append(state.coefficients[kept], np.zeros(len(added))),
             )
         )

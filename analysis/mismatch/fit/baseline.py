@@ -14,7 +14,7 @@ from analysis.mismatch.fit.start import start_rigid, start_tissue
 from analysis.mismatch.fit.study_fit import StudyFit, all_equal
 from analysis.mismatch.fit.whitener import Whitener
 from analysis.mismatch.levels import FEWEST_HELD_OUT
-from analysis.mismatch.model.effects import OwnShape, Shared, TrialState, simulate
+from analysis.mismatch.model.effects import OwnShape, OwnShapes, Shared, TrialState, simulate
 from analysis.mismatch.model.population import Population
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.smoothing import sample_noise
@@ -32,8 +32,9 @@ STATED_BLOCK, UNSTATED_BLOCK = 0.05, 0.5
 
 def fit_baseline(trials: Sequence[CellTrial], *, ideal_step: bool = False) -> StudyFit:
     """Return the baseline simulation with noise and population estimated in turn."""
-    tissue = start_tissue(trials)
-    mean = np.log([tissue.k0, tissue.k1, tissue.tau1, tissue.k2, tissue.tau2])
+    mean = start_tissue(
+        trials, [t.z0_start_mm for t in trials], [t.force_mn - t.offset_start_mn for t in trials]
+    ).logarithms
     nothing = np.zeros(0)
     states = tuple(
         TrialState(mean if t.kind == "ramp_hold_retract" else nothing, t.z0_start_mm, t.offset_start_mn)
@@ -53,8 +54,26 @@ def fit_baseline(trials: Sequence[CellTrial], *, ideal_step: bool = False) -> St
     )
     for _ in range(NOISE_ROUNDS):
         fit = fit.with_population()
-        fit = with_slow_noise(fit.weighed_by(noise_of(fit)), fit.noise)
+        fit = fit.weighed_by(noise_left(fit))
     return fit.with_population()
+
+
+def begun_anew(fit: StudyFit) -> StudyFit:
+    """Return the fit with its tissues begun anew beside the laws and shapes that were added.
+
+    A tissue that had stood for a law before it was added may not find back: an arm that imitates a dashpot is far from
+    where an arm is missing.
+    """
+    nothing = replace(fit.shared, laws=())
+    forces_mn = []
+    for trial, state, residual_mn in zip(
+        fit.trials, fit.states, map(fit.residual_mn, range(len(fit.trials))), strict=True
+    ):
+        bare = replace(state, shapes=OwnShapes(), coefficients=np.zeros(0))
+        forces_mn.append(residual_mn + simulate(trial, bare, nothing) - state.offset_mn)
+    mean = start_tissue(fit.trials, [s.z0_mm for s in fit.states], forces_mn).logarithms
+    states = tuple(replace(s, log_tissue=mean) if s.has_tissue else s for s in fit.states)
+    return replace(fit, states=states, population=Population.weak(mean)).with_population(1)
 
 
 def _with_block(trial: CellTrial, state: TrialState, shared: Shared) -> TrialState:
@@ -63,7 +82,7 @@ def _with_block(trial: CellTrial, state: TrialState, shared: Shared) -> TrialSta
         return state
     known = STATED_BLOCK if trial.target_stiffness_mn_per_mm else UNSTATED_BLOCK
     force = simulate(trial, state, shared) - state.offset_mn
-    return replace(state, shapes=(OwnShape("block", "force", force, known**2),), coefficients=np.zeros(1))
+    return replace(state, shapes=OwnShapes((OwnShape("block", "force", force, known**2),)), coefficients=np.zeros(1))
 
 
 def noise_of(fit: StudyFit) -> NoiseModel:
@@ -106,6 +125,6 @@ def noise_of(fit: StudyFit) -> NoiseModel:
     return NoiseModel(float(max(np.sqrt(noise.white_mn**2 + slow), np.sqrt(np.mean(left**2)))))
 
 
-def reweighed(fit: StudyFit) -> StudyFit:
-    """Return a fit with noise and population estimated anew."""
-    return with_slow_noise(fit.weighed_by(noise_of(fit)), fit.noise).with_population(1)
+def noise_left(fit: StudyFit) -> NoiseModel:
+    """Return the noise measured anew from what a fit leaves."""
+    return with_slow_noise(fit.weighed_by(noise_of(fit)), fit.noise).noise

@@ -145,6 +145,9 @@ def fit_laws(fit: StudyFit, rounds: int = ROUNDS) -> StudyFit:
         gained = 0.0
         for _ in range(6):
             C = A / np.outer(scale, scale) + (damping + 1e-12) * np.eye(size)
+            # the most that a step can gain, were nothing bounded
+            if float((b / scale) @ np.linalg.solve(C, b / scale)) < DONE:
+                break
             tried = _stepped(fit, bounded_step(fit.shared, C, b / scale, scale))
             new = cost(tried)
             if new < now:

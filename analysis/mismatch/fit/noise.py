@@ -31,6 +31,10 @@ class NoiseModel:
         """Rms of a single sample, mN."""
         return float(np.sqrt(self.white_mn**2 + sum(v for v, _ in self.parts)))
 
+    def quicker_than(self, time_s: float) -> NoiseModel:
+        """Return the noise without its parts of such a time and slower ones."""
+        return NoiseModel(self.white_mn, tuple(part for part in self.parts if part[1] < time_s))
+
     def power(self, frequency_hz: FloatArray, sample_rate_hz: float) -> FloatArray:
         """Return the one-sided power spectrum (F,) in mN^2/Hz."""
         white = np.full_like(frequency_hz, 2.0 * self.white_mn**2 / sample_rate_hz)

@@ -71,9 +71,12 @@ def with_slow_noise(fit: StudyFit, near: NoiseModel) -> StudyFit:
     slow = [part for part in near.parts if part[1] >= FASTEST_SLOW_S]
     start_mn = max(change_in_a_second(slow), SMALLEST * fast.white_mn)
     for exponent in EXPONENTS:
+        likeliest = np.inf
         for noise, deviance in _descent(fit, fast, exponent, start_mn):
             if deviance < smallest:
                 best, smallest = noise, deviance
+            if deviance < likeliest:
+                start_mn, likeliest = change_in_a_second(noise.parts[len(fast.parts) :]), deviance
     return fit.weighed_by(best)
 
 

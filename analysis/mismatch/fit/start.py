@@ -8,25 +8,35 @@ from itertools import combinations
 import numpy as np
 from scipy.optimize import nnls
 
+from numpy.typing import NDArray
+
 from analysis.errors import BadInputError
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.forward import RIGID_STIFFNESS_MN_PER_MM, indentation
 from analysis.simulation.mechanism import Tissue
 from analysis.simulation.response import arm_force
 
+FloatArray = NDArray[np.float64]
+
 TRIALS_USED = 6
 
 
-def start_tissue(trials: Sequence[CellTrial]) -> Tissue:
-    """Return a first tissue for trials on skin; raises BadInputError where nothing resists the punch."""
-    skin = [t for t in trials if t.kind not in ("air_sweep", "rigid_target")][:TRIALS_USED]
-    if not skin:
+def start_tissue(
+    trials: Sequence[CellTrial], contacts_mm: Sequence[float], forces_mn: Sequence[FloatArray]
+) -> Tissue:
+    """Return a first tissue for trials on skin, touched at ``contacts_mm``, that answers with forces (n_j,).
+
+    Raises BadInputError where nothing resists the punch.
+    """
+    used = [j for j, t in enumerate(trials) if t.kind not in ("air_sweep", "rigid_target")][:TRIALS_USED]
+    if not used:
         return Tissue(120.0, 44.0, 2.3, 35.0, 0.15)
+    skin = [trials[j] for j in used]
     longest = max(float(t.time_s[-1] - t.time_s[0]) for t in skin)
     taus = np.geomspace(longest / 2000.0, longest, 9)
-    depths = [indentation(t.position_mm, t.z0_start_mm, t) for t in skin]
+    depths = [indentation(t.position_mm, contacts_mm[j], t) for j, t in zip(used, skin, strict=True)]
     weights = [np.sqrt(t.counts) * (t.fitted & ~t.retracting) for t in skin]
-    y = np.concatenate([(t.force_mn - t.offset_start_mn) * w for t, w in zip(skin, weights, strict=True)])
+    y = np.concatenate([forces_mn[j] * w for j, w in zip(used, weights, strict=True)])
     elastic = np.concatenate([d * w for d, w in zip(depths, weights, strict=True)])
     arms = [
         np.concatenate(

@@ -80,12 +80,17 @@ class StudyFit:
 
     def with_states(self, rounds: int = ROUNDS, near: StudyFit | None = None) -> StudyFit:
         """Return the fit with every trial's own parameters at their best; ``near`` is a fit close to this one."""
-        owns: Sequence[OwnColumns | None] = [None] * len(self.trials) if near is None else near.own
-        states = tuple(
-            fit_trial(t, w, s, self.shared, self.population, rounds, own)
-            for t, w, s, own in zip(self.trials, self.whiteners, self.states, owns, strict=True)
-        )
-        return replace(self, states=states)
+        fitted = [
+            fit_trial(t, w, s, self.shared, self.population, own, rounds, near=near is not None)
+            for t, w, s, own in zip(
+                self.trials, self.whiteners, self.states, (near or self).own, strict=True
+            )
+        ]
+        states = tuple(state for state, _ in fitted)
+        moved = any(new is not old for new, old in zip(states, self.states, strict=True))
+        fit = replace(self, states=states) if moved else self
+        fit.__dict__["cost"] = sum(cost for _, cost in fitted)
+        return fit
 
     def with_population(self, passes: int = 2) -> StudyFit:
         """Return the fit with population and own parameters estimated in turn."""

@@ -16,10 +16,11 @@ from analysis.simulation.cells import CellTrial
 FloatArray = NDArray[np.float64]
 
 ROUNDS = 25
-DONE = 1e-3
+DONE = 5e-3
 SLOW = 0.05
 """A step that gains less of the cost than this is near enough for the old columns."""
 LARGEST_LOG_STEP = 0.5
+LARGEST_DAMPING = 1e6
 LARGEST_SHARE_OF_DEPTH = 0.1
 
 
@@ -38,55 +39,51 @@ def fit_trial(
     state: TrialState,
     shared: Shared,
     population: Population,
+    own: OwnColumns,
     rounds: int = ROUNDS,
-    own: OwnColumns | None = None,
-) -> TrialState:
-    """Return the most probable own parameters of a trial.
+    *,
+    near: bool = False,
+) -> tuple[TrialState, float]:
+    """Return the most probable own parameters of a trial, and the cost there.
 
-    Its columns are computed anew only where steps by the old ones no longer help (the chord method); ``own`` are
-    columns that were computed near this state.
+    ``own`` are its columns at this state, or ``near`` it. They are computed anew only where steps by the old ones no
+    longer help (the chord method).
     """
 
     def cost_of(s: TrialState) -> tuple[float, FloatArray]:
         r = whitener(trial.force_mn - simulate(trial, s, shared))
         return float(r @ r) + penalty(s, population), r
 
-    now, residual = cost_of(state)
-    damping, old = 1e-6, own is not None
+    if near:
+        now, residual = cost_of(state)
+    else:
+        residual = own.residual
+        now = float(residual @ residual) + penalty(state, population)
+    damping, old = 1e-6, near
     for _ in range(rounds):
-        if own is None:
-            own = own_columns(force_columns(trial, state, shared), whitener, state, population)
-            old = False
-        step = _step(trial, own, residual, own.pull_at(state, population), damping)
-        tried = moved(state, trial, step)
+        gradient = own.columns.T @ residual + own.pull_at(state, population)
+        H = own.information
+        step = np.linalg.solve(H + damping * np.diag(np.maximum(np.diag(H), 1e-12)), gradient)
+        if float(step @ gradient) < DONE:
+            break
+        tried = moved(state, trial, limited(trial, own, step))
         new, new_residual = cost_of(tried)
         gained = now - new
         if gained > 0.0:
             state, now, residual = tried, new, new_residual
             if gained < DONE:
-                return state
+                break
             if gained < SLOW * now or old:
                 old = True
                 continue
-            own, damping = None, max(damping / 10.0, 1e-9)
-        elif old:
-            own = None
-        elif gained > -DONE:
-            return state
-        else:
+            damping = max(damping / 10.0, 1e-9)
+        elif not old:
+            if gained > -DONE or damping > LARGEST_DAMPING:
+                break
             damping = max(damping, 1e-5) * 10.0
-            if damping > 1e6:
-                return state
-    return state
-
-
-def _step(
-    trial: CellTrial, own: OwnColumns, residual: FloatArray, pull: FloatArray, damping: float
-) -> FloatArray:
-    """Return a damped Gauss-Newton step (q,), no longer than a law stays smooth."""
-    H = own.information
-    damped = H + damping * np.diag(np.maximum(np.diag(H), 1e-12))
-    return limited(trial, own, np.linalg.solve(damped, own.columns.T @ residual + pull))
+            continue
+        own, old = own_columns(force_columns(trial, state, shared), whitener, state, population), False
+    return state, now
 
 
 def limited(trial: CellTrial, own: OwnColumns, step: NDArray[np.floating[Any]]) -> FloatArray:

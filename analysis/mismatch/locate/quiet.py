@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from analysis.mismatch.fit.noise import NoiseModel
 from analysis.mismatch.fit.slow_noise import restricted_deviance
 from analysis.mismatch.fit.study_fit import StudyFit
-from analysis.mismatch.model.effects import OwnShape, TrialState, simulate
+from analysis.mismatch.model.effects import OwnShape, OwnShapes, TrialState, simulate
 from analysis.simulation.cells import CellTrial
 
 SHARES = (1.0, 0.5, 0.25, 0.1, 0.03, 0.01, 0.0)
@@ -52,7 +52,7 @@ def out_of_contact(fit: StudyFit) -> Quiet:
 def _apart(fit: StudyFit, j: int) -> tuple[CellTrial, TrialState] | None:
     """Return what is left of the j-th trial out of contact, as a trial that touches nothing; None if it always does."""
     trial, state = fit.trials[j], fit.states[j]
-    bare = replace(state, offset_mn=0.0, shapes=(), coefficients=np.zeros(0))
+    bare = replace(state, offset_mn=0.0, shapes=OwnShapes(), coefficients=np.zeros(0))
     contact = np.abs(simulate(trial, bare, replace(fit.shared, laws=()))) > 0.0
     touched = np.flatnonzero(contact)
     free: NDArray[np.bool_] = trial.fitted.copy()
@@ -63,8 +63,8 @@ def _apart(fit: StudyFit, j: int) -> tuple[CellTrial, TrialState] | None:
     left = replace(trial, kind="air_sweep", force_mn=fit.residual_mn(j), fitted=free)
     # a level of its own before contact and after: skin clings, and hysteresis stays
     first = np.arange(len(free)) < (touched[0] if len(touched) else len(free))
-    levels = [
+    levels = OwnShapes(
         OwnShape("level", "force", part.astype(np.float64), 1e6 * fit.noise.rms_mn**2)
         for part in (first, ~first)
-    ]
-    return left, TrialState(np.zeros(0), state.z0_mm, 0.0, tuple(levels), np.zeros(2))
+    )
+    return left, TrialState(np.zeros(0), state.z0_mm, 0.0, levels, np.zeros(2))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -15,6 +16,7 @@ from analysis.simulation.mechanism import Mechanism, Parameter, Tissue, Values
 from analysis.simulation.response import low_pass
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 Acts = Literal["surface", "share", "force"]
 
 TISSUE_SIZE = 5
@@ -58,6 +60,21 @@ class OwnShape:
     kind: str = ""
 
 
+class OwnShapes(tuple[OwnShape, ...]):
+    """A trial's own shapes."""
+
+    @cached_property
+    def by_stage(self) -> dict[Acts, tuple[IntArray, FloatArray]]:
+        """For each stage at which some act: their places (k,), and the shapes themselves, (k, n)."""
+        places: dict[Acts, list[int]] = {}
+        for k, shape in enumerate(self):
+            places.setdefault(shape.acts, []).append(k)
+        return {
+            acts: (np.array(at, dtype=np.int64), np.array([self[k].shape for k in at]))
+            for acts, at in places.items()
+        }
+
+
 @dataclass(frozen=True)
 class TrialState:
     """What belongs to one trial: logarithms of its five tissue constants, contact point, offset, own shapes."""
@@ -65,7 +82,7 @@ class TrialState:
     log_tissue: FloatArray
     z0_mm: float
     offset_mn: float
-    shapes: tuple[OwnShape, ...] = ()
+    shapes: OwnShapes = OwnShapes()
     coefficients: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @property
@@ -84,7 +101,7 @@ class TrialState:
         start[:1] = first
         return replace(
             self,
-            shapes=(*self.shapes, *shapes),
+            shapes=OwnShapes((*self.shapes, *shapes)),
             coefficients=np.append(self.coefficients, start),
         )
 
@@ -109,12 +126,7 @@ def delayed(trial: CellTrial, force_mn: FloatArray) -> FloatArray:
 
 def simulate(trial: CellTrial, state: TrialState, shared: Shared) -> FloatArray:
     """Return the force (n,) of a trial, mN."""
-    added: dict[Acts, FloatArray] = {}
-    for s, c in zip(state.shapes, state.coefficients, strict=True):
-        if s.acts in added:
-            added[s.acts] += c * s.shape
-        else:
-            added[s.acts] = c * s.shape
+    added = {acts: state.coefficients[at] @ shapes for acts, (at, shapes) in state.shapes.by_stage.items()}
     simulated = simulate_force(
         trial,
         state.tissue,

@@ -48,24 +48,22 @@ def estimate(
     """
     mean, covariance = start.mean, start.covariance
     size = len(mean)
+    H = np.array([h for h, _ in likelihoods])
+    Ht = np.array([ht for _, ht in likelihoods])
     for _ in range(rounds):
         precision = np.linalg.inv(covariance)
-        means, spread = [], np.zeros((size, size))
-        total, weighed = np.zeros((size, size)), np.zeros(size)
-        for H, Ht in likelihoods:
-            C = np.linalg.inv(H + precision)
-            means.append(C @ (Ht + precision @ mean))
-            spread += C
-            # the mean by generalised least squares: a trial weighs (H^-1 + covariance)^-1
-            total += precision @ C @ H
-            weighed += precision @ C @ Ht
+        C = np.linalg.inv(H + precision)
+        means = np.einsum("jab,jb->ja", C, Ht + precision @ mean)
+        # the mean by generalised least squares: a trial weighs (H^-1 + covariance)^-1
+        total = precision @ (C @ H).sum(axis=0)
+        weighed = precision @ np.einsum("jab,jb->a", C, Ht)
         # what no trial says anything of stays where it was
         mean = np.asarray(
             np.linalg.solve(total + np.eye(size) / DECADE**2, weighed + start.mean / DECADE**2),
             dtype=np.float64,
         )
-        D = np.array(means) - mean
-        scale = D.T @ D + spread + PRIOR_TRIALS * PRIOR_SCATTER**2 * np.eye(size)
+        D = means - mean
+        scale = D.T @ D + C.sum(axis=0) + PRIOR_TRIALS * PRIOR_SCATTER**2 * np.eye(size)
         values, vectors = np.linalg.eigh(scale / (len(likelihoods) + PRIOR_TRIALS))
         covariance = (vectors * np.minimum(values, PLAUSIBLE**2)) @ vectors.T
     return Population(mean, covariance)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.special import log_ndtr, logsumexp
 
 from analysis.mismatch.fit.study_fit import StudyFit
-from analysis.mismatch.model.effects import Acts, OwnShape, TrialState, simulate
+from analysis.mismatch.model.effects import Acts, OwnShape, OwnShapes, TrialState, simulate
 from analysis.simulation.cells import CellTrial
 
 FloatArray = NDArray[np.float64]
@@ -182,7 +182,7 @@ def _scores(
             1.0,
         )
         added = replace(
-            state, shapes=(*state.shapes, shape), coefficients=np.append(state.coefficients, event.unit)
+            state, shapes=OwnShapes((*state.shapes, shape)), coefficients=np.append(state.coefficients, event.unit)
         )
         columns[:, k] = simulate(trial, added, fit.shared) - base
     projector = fit.projectors[j]

@@ -77,7 +77,7 @@ def search(account: Account) -> Named:
             break
         best = step[0]
         rivals[best.name] = step
-        account, adds = pruned(best.account, best)
+        account, adds = pruned(best.account.settled(), best)
     return Named(account, {name: rivals[name] for name in account.names}, adds)
 
 
@@ -147,7 +147,7 @@ def pruned(account: Account, newest: Rival) -> tuple[Account, dict[str, float]]:
     for name in account.names:
         if name == newest.name:
             continue
-        without = account.without(name).reweighed()
+        without = account.without(name).settled()
         adds[name] = account.gain_over(without)[0]
         if adds[name] < (ENOUGH_OWN if name in account.steps else ENOUGH_SHARED):
             account, adds = without, {}

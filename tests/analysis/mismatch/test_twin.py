@@ -9,6 +9,7 @@ import pytest
 import tomlkit
 
 from analysis.mismatch.fit.noise import NoiseModel
+from analysis.mismatch.fit.own import force_columns, own_columns
 from analysis.mismatch.fit.trial_fit import fit_trial
 from analysis.mismatch.fit.whitener import Whitener
 from analysis.mismatch.model.effects import Law, Shared, TrialState, simulate
@@ -71,7 +72,9 @@ def test_twin_behaves_as_the_found_simulation(
         whitener = Whitener(trial, noise)
         # the twin's sites scatter as those that were recorded do
         state = TrialState(mean, trial.z0_start_mm, trial.offset_start_mn)
-        fitted = fit_trial(trial, whitener, state, shared, Population(mean, 0.03**2 * np.eye(5)))
+        population = Population(mean, 0.03**2 * np.eye(5))
+        own = own_columns(force_columns(trial, state, shared), whitener, state, population)
+        fitted, _ = fit_trial(trial, whitener, state, shared, population, own)
         left.append(whitener(trial.force_mn - simulate(trial, fitted, shared)))
     # the cells about the snap are single samples, in which a rounder letting go shows
     assert np.std(np.concatenate(left)) == pytest.approx(1.0, rel=0.2)

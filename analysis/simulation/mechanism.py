@@ -106,6 +106,10 @@ class Mechanism:
     separated_by: ClassVar[str] = ""
     inseparable: ClassVar[tuple[str, ...]] = ()
 
+    def holds(self, p: Values, depth_mm: float) -> bool:
+        """Whether the law is what its source says of it, in a study of this largest depth."""
+        return True
+
     def surface_mm(self, trial: CellTrial, tissue: Tissue, p: Values) -> FloatArray | float:
         """How far the surface has moved towards the arm, (n,), mm."""
         return 0.0

@@ -99,22 +99,23 @@ def considered(account: Account, nothing: Account) -> tuple[Rival, ...]:
     if quick is not account:
         listed.append(law_options(quick, nothing))
     listed.append(own_options(quick))
-    options: dict[str, Option] = {}
+    options: dict[str, list[Option]] = {}
     for some in listed:
-        options = {o.name: o for o in worth_trying(some, least, few)} | options
-    largest = {
-        o.name: max(p.nats for some in listed for p in some if p.name == o.name) for o in options.values()
-    }
+        for option in worth_trying(some, least, few):
+            options.setdefault(option.name, []).append(option)
+    largest = {name: max(p.nats for some in listed for p in some if p.name == name) for name in options}
     found: list[Rival] = []
     for name in sorted(options, key=lambda name: -largest[name]):
         # refits cost most of the time: none is made that can't be a rival, however far the line misses
         if not few and largest[name] < CLOSE * max((r.gain for r in found), default=0.0):
             break
-        option = options[name]
-        refitted = option.refit().reweighed()
         # a wander of any size makes likely whatever is left: who explains something leaves less than there was
-        if refitted.fit.left_mn > (1.0 + INEXACT) * account.fit.left_mn:
+        most_mn = (1.0 + INEXACT) * account.fit.left_mn
+        refits = ((option, option.refit().reweighed()) for option in options[name])
+        fits = next(((o, r) for o, r in refits if r.fit.left_mn <= most_mn), None)
+        if fits is None:
             continue
+        option, refitted = fits
         gain, error = refitted.gain_over(account)
         # a gain below its error is one trial's, at the cost of others; of few trials none can say how exact a law is
         left = left_over(explained, ROUGH if few else refitted.inexact)
@@ -201,7 +202,10 @@ def _law_refit(
             for f in (exact.fit, *_anew(account, nothing))
         ]
         # the population moves little: it is left alone until the best start is known
-        best = min((fit_laws(f, rounds=FIRST_ROUNDS) for f in fits), key=lambda f: f.cost)
+        refitted = [fit_laws(f, rounds=FIRST_ROUNDS) for f in fits]
+        depth_mm = account.fit.trials[0].study_depth_mm
+        hold = [f for f in refitted if all(law.mechanism.holds(law.values, depth_mm) for law in f.shared.laws)]
+        best = min(hold or refitted, key=lambda f: f.cost)
         return replace(exact, fit=best).with_laws(best.shared.laws)
 
     return refit

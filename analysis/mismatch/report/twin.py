@@ -105,6 +105,9 @@ def _effect(diagnosis: Diagnosis, report: Report, k: int) -> dict[str, Any] | No
         return None
     values = {name: q.value for name, q in found.parameters.items()}
     effect = bench_effect(found.name, values, diagnosis.intake.trials[0].study_depth_mm)
+    for law in diagnosis.improved.fit.shared.laws:
+        if law.name == found.name and "growth" in law.free:
+            effect["rough"] = float(np.clip(law.values["growth"], 0.0, 1.0))
     if library()[found.name].form == "event":
         states = diagnosis.improved.fit.states
         times = [s.at for state in states for s in state.shapes if s.effect == found.name and not s.kind]

@@ -11,7 +11,9 @@ from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Valu
 class Stiffening(Mechanism):
     """The tissue's law answers to d (1 + b d), or to d (d / D)^(p - 1), D being half of the study's largest depth.
 
-    b is the first term of a hyperelastic law; p goes from flat punch (1) through sphere (1.5) to cone (2) and knows no
+    b is the first term of a hyperelastic law. The terms after it are ``growth`` g times those of collagen that straightens
+    (Fung's exponential, (exp(2 b d) - 1) / (2 b)): d (1 + b d + g (2/3 (b d)^2 + 1/3 (b d)^3)), the textbook's law at
+    g = 0. p goes from flat punch (1) through sphere (1.5) to cone (2) and knows no
     scale of length: D only keeps k0 a stiffness. Where p is not 1 it rules, and b is only what it amounts to at D.
     """
 
@@ -20,12 +22,13 @@ class Stiffening(Mechanism):
     parameters = (
         Parameter("coefficient_per_mm", "1/mm", 0.0, 1.0e4),
         Parameter("exponent", "1", 1.0, 4.0),
+        Parameter("growth", "1", -0.5, 1.5, inner=True),
     )
     amplitude = "coefficient_per_mm"
-    null = {"coefficient_per_mm": 0.0, "exponent": 1.0}
-    typical = {"coefficient_per_mm": 0.3, "exponent": 1.0}
+    null = {"coefficient_per_mm": 0.0, "exponent": 1.0, "growth": 0.0}
+    typical = {"coefficient_per_mm": 0.3, "exponent": 1.0, "growth": 0.0}
     words = "the skin gets stiffer the deeper it is pressed"
-    source = "first term of a hyperelastic law; Sneddon's punches, sphere and cone: force as a power of depth"
+    source = "first term of a hyperelastic law (Fung 1967: an exponential); Sneddon's punches, sphere and cone: force as a power of depth"
     separated_by = "three depths at three surface heights"
 
     def probe_settings(self, peak_force_mn: float, depth_mm: float) -> tuple[Values, ...]:
@@ -33,14 +36,19 @@ class Stiffening(Mechanism):
 
         A power far from 1 is not linear: what a tenth above 1 does says little of a cone.
         """
-        curvature = {"coefficient_per_mm": 0.1 / max(depth_mm, 1e-12)}
+        curvature = {"coefficient_per_mm": 0.1 / max(depth_mm, 1e-12), "growth": 0.0}
         return (curvature, *({"exponent": p} for p in (1.1, 1.5, 2.0)))
 
+    def holds(self, p: Values, depth_mm: float) -> bool:
+        """A first term that is larger than what it is added to is none; such a law is a power."""
+        return p["exponent"] != 1.0 or p.get("coefficient_per_mm", 0.0) * depth_mm <= 1.0
+
     def indentation_mm(self, trial: CellTrial, depth_mm: FloatArray, p: Values) -> FloatArray:
-        """d (1 + b d), or d (d / D)^(p - 1)."""
+        """d (1 + b d + ...), or d (d / D)^(p - 1)."""
         if p["exponent"] == 1.0:
             # a power that was fitted may arrive at 1, where it has no curvature of the other form
-            return depth_mm * (1.0 + p.get("coefficient_per_mm", 0.0) * depth_mm)
+            u = p.get("coefficient_per_mm", 0.0) * depth_mm
+            return depth_mm * (1.0 + u + p.get("growth", 0.0) * u * u * (2.0 + u) / 3.0)
         share = np.maximum(depth_mm, 0.0) / (0.5 * trial.study_depth_mm)
         # d^p = exp((p - 1) ln d) d, and 0 where nothing is pressed
         return np.where(share > 0.0, depth_mm * np.maximum(share, 1e-12) ** (p["exponent"] - 1.0), 0.0)

@@ -10,7 +10,7 @@ from analysis.mismatch.confirm.heldout import HeldOut, confirm
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.locate.absorbed import Absorbed, find_absorbed
-from analysis.mismatch.locate.located import Located, locate, where_bursts
+from analysis.mismatch.locate.located import Located, locate, where_bursts, where_trend
 from analysis.mismatch.locate.position_channel import PositionFinding, look_at_position
 from analysis.mismatch.locate.remainder import Remainder, find_transients, remainder_of
 from analysis.mismatch.name.finding import Finding, findings
@@ -60,14 +60,15 @@ def diagnose(intake: Intake, *, baseline: str = "ramp", seed: int = 0) -> Diagno
     nothing = Account(fit)
     remainder = remainder_of(named.account if named.account.names else nothing, nothing)
     bursts = find_transients(nothing.fit) if named.account.names else remainder.bursts
+    trend = where_trend(remainder.trend)
     return Diagnosis(
         intake=intake,
         baseline=before,
         named=named,
         findings=found,
         lines=lines,
-        located=(*locate(before.fit, rng, all_of_them=bool(found)), *where_bursts(bursts)),
-        left=(*locate(named.account.fit, rng), *where_bursts(remainder.bursts)),
+        located=(*locate(before.fit, rng, all_of_them=bool(found)), *where_bursts(bursts), *trend),
+        left=(*locate(named.account.fit, rng), *where_bursts(remainder.bursts), *trend),
         remainder=remainder,
         absorbed=find_absorbed(named.account.fit),
         position=look_at_position(intake.trials, rng),

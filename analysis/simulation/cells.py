@@ -46,7 +46,7 @@ class CellTrial:
     ``condition`` is what was stated of the trial, and which of the motions that were run so is its own.
     ``pressed_before`` holds the indentations before this one: depth (mm) and how long before the first sample it
     ended (s). ``study_depth_mm`` is the largest depth of all trials that are compared (in the air: the travel).
-    ``lever`` tells whether the tip is that of a lever arm.
+    ``lever`` tells whether the tip is that of a lever arm. ``finger`` is whose and which finger, as far as was stated.
     """
 
     label: str
@@ -75,6 +75,7 @@ class CellTrial:
     target_stiffness_mn_per_mm: float | None = None
     study_depth_mm: float = 1.0
     lever: bool = True
+    finger: str = ""
     fitted: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
 
     @property
@@ -287,5 +288,6 @@ def reduce_trial(
         study_depth_mm=max(
             float(np.ptp(motion.position_mm)) if trial.kind == "air_sweep" else abs(reached - z0_mm), 1e-9
         ),
+        finger=f"{trial.specimen.subject} {trial.specimen.finger}".strip(),
         fitted=fitted,
     )

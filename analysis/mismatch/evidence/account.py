@@ -151,7 +151,9 @@ def _without(state: TrialState, effect: str) -> TrialState:
 
 
 def _kept(state: TrialState, kept: list[int]) -> TrialState:
-    return replace(state, shapes=OwnShapes(state.shapes[k] for k in kept), coefficients=state.coefficients[kept])
+    return replace(
+        state, shapes=OwnShapes(state.shapes[k] for k in kept), coefficients=state.coefficients[kept]
+    )
 
 
 def with_inexactness(fit: StudyFit, share: float) -> StudyFit:

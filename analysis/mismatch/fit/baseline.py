@@ -82,7 +82,9 @@ def _with_block(trial: CellTrial, state: TrialState, shared: Shared) -> TrialSta
         return state
     known = STATED_BLOCK if trial.target_stiffness_mn_per_mm else UNSTATED_BLOCK
     force = simulate(trial, state, shared) - state.offset_mn
-    return replace(state, shapes=OwnShapes((OwnShape("block", "force", force, known**2),)), coefficients=np.zeros(1))
+    return replace(
+        state, shapes=OwnShapes((OwnShape("block", "force", force, known**2),)), coefficients=np.zeros(1)
+    )
 
 
 def noise_of(fit: StudyFit) -> NoiseModel:

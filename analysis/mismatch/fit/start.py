@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
-from scipy.optimize import nnls
-
 from numpy.typing import NDArray
+from scipy.optimize import nnls
 
 from analysis.errors import BadInputError
 from analysis.simulation.cells import CellTrial

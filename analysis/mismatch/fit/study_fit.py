@@ -82,9 +82,7 @@ class StudyFit:
         """Return the fit with every trial's own parameters at their best; ``near`` is a fit close to this one."""
         fitted = [
             fit_trial(t, w, s, self.shared, self.population, own, rounds, near=near is not None)
-            for t, w, s, own in zip(
-                self.trials, self.whiteners, self.states, (near or self).own, strict=True
-            )
+            for t, w, s, own in zip(self.trials, self.whiteners, self.states, (near or self).own, strict=True)
         ]
         states = tuple(state for state, _ in fitted)
         moved = any(new is not old for new, old in zip(states, self.states, strict=True))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from analysis.mismatch.evidence.signflip import flip_test
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import ENOUGH_UNKNOWN, FEW_TRIALS, LEVEL
+from analysis.mismatch.locate.session import Trend
 from analysis.mismatch.locate.transients import Bursts
 from analysis.mismatch.locate.windows import PLACES, own_evidence, window_columns
 
@@ -34,10 +35,13 @@ class Located:
     share: float
     common: bool
     with_depth: bool
+    told: str = ""
 
     @property
     def words(self) -> str:
-        """Say in which trials it shows."""
+        """Say in which trials it shows, or what is told of it."""
+        if self.told:
+            return self.told
         if not self.common:
             return "every trial, differently in each"
         return "every trial, more with depth" if self.with_depth else "every depth"
@@ -95,6 +99,17 @@ def where_bursts(bursts: Bursts) -> tuple[Located, ...]:
         return ()
     at, p = bursts.at_s, float(np.exp(-min(bursts.evidence, 700.0)))
     return (Located(bursts.phase, at, at, 0.0, bursts.rms_mn, p, 1.0, common=False, with_depth=False),)
+
+
+def where_trend(trend: Trend) -> tuple[Located, ...]:
+    """Return where a trend over the session shows, if there is one: while the tissue is held."""
+    if not trend.significant:
+        return ()
+    p = float(np.exp(-min(trend.evidence, 700.0)))
+    window = Located(
+        "hold", trend.start_s, trend.stop_s, 0.0, trend.rms_mn, p, 1.0, common=False, with_depth=False
+    )
+    return (replace(window, told=trend.words),)
 
 
 def _energies(fit: StudyFit, columns: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray]:

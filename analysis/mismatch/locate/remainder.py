@@ -12,6 +12,7 @@ from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import ENOUGH_UNKNOWN, INEXACT
 from analysis.mismatch.locate.outliers import find_outliers
 from analysis.mismatch.locate.quiet import out_of_contact
+from analysis.mismatch.locate.session import NO_TREND, Trend, find_trend
 from analysis.mismatch.locate.transients import NO_BURSTS, Bursts, find_bursts
 from analysis.mismatch.locate.windows import CommonShape, common_shape, own_evidence
 
@@ -20,6 +21,8 @@ from analysis.mismatch.locate.windows import CommonShape, common_shape, own_evid
 class Remainder:
     """Evidence in nats for a shape that all trials have in common, for what differs from trial to trial, for bursts.
 
+    ``trend`` is what changes over the session.
+
     ``share`` is what part of everything beyond the noise it is, weighed by the noise that is left beside it.
     """
 
@@ -27,6 +30,7 @@ class Remainder:
     own: float
     share: float
     bursts: Bursts
+    trend: Trend = NO_TREND
 
     @property
     def evidence(self) -> float:
@@ -36,7 +40,7 @@ class Remainder:
     @property
     def significant(self) -> bool:
         """Whether it is more than noise."""
-        return self.evidence > ENOUGH_UNKNOWN
+        return self.evidence > ENOUGH_UNKNOWN or self.trend.significant
 
 
 def remainder_of(account: Account, nothing: Account) -> Remainder:
@@ -62,7 +66,11 @@ def remainder_of(account: Account, nothing: Account) -> Remainder:
     if bursts.evidence > best.evidence:
         explained = max(account.gain_over(nothing)[0], 0.0)
         best = replace(best, share=bursts.evidence / (bursts.evidence + explained))
-    return replace(best, bursts=bursts)
+    trend = find_trend(account.fit)
+    if trend.significant and trend.evidence > best.evidence:
+        explained = max(account.gain_over(nothing)[0], 0.0)
+        best = replace(best, share=trend.evidence / (trend.evidence + explained))
+    return replace(best, bursts=bursts, trend=trend)
 
 
 def find_transients(fit: StudyFit) -> Bursts:

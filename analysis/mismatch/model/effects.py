@@ -82,7 +82,7 @@ class TrialState:
     log_tissue: FloatArray
     z0_mm: float
     offset_mn: float
-    shapes: OwnShapes = OwnShapes()
+    shapes: OwnShapes = field(default_factory=OwnShapes)
     coefficients: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @property

@@ -182,7 +182,9 @@ def _scores(
             1.0,
         )
         added = replace(
-            state, shapes=OwnShapes((*state.shapes, shape)), coefficients=np.append(state.coefficients, event.unit)
+            state,
+            shapes=OwnShapes((*state.shapes, shape)),
+            coefficients=np.append(state.coefficients, event.unit),
         )
         columns[:, k] = simulate(trial, added, fit.shared) - base
     projector = fit.projectors[j]

@@ -212,20 +212,28 @@ def own_sizes(account: Account, mechanism: Mechanism) -> dict[str, Quantity]:
     unit = 1e3 if mechanism.stage == "specimen" else 1.0
     values: FloatArray = unit * np.array(sizes)
     n = len(values)
-    sign = float(np.sign(values[0])) if bool(np.all(values * values[0] > 0)) else 1.0
-    spread = float(np.std(values if sign < 0 else np.abs(values), ddof=1) / np.sqrt(n)) if n > 1 else 0.0
+    weight, large = np.full(n, 1.0 / n), np.full(n, True)
     if mechanism.form == "oscillation":
         value = float(np.sqrt(max(float(np.mean(np.sign(values) * values**2)), 0.0)))
     else:
-        value = sign * float(np.mean(np.abs(values)))
+        sign = float(np.sign(values[0])) if bool(np.all(values * values[0] > 0)) else 1.0
+        # each by its own size: the little that other effects leave over may pass for small steps
+        weight = np.abs(values) / max(float(np.abs(values).sum()), 1e-300)
+        value = sign * float(weight @ np.abs(values))
+        large = np.abs(values) >= 0.5 * abs(value)
+    off = np.abs(values) - abs(value)
+    spread = float(np.sqrt(weight**2 @ off**2 * n / (n - 1))) if n > 1 else 0.0
     fitted = unit * float(np.sqrt(np.mean(np.square(errors)) / n))
     error = float(np.sqrt(spread**2 + fitted**2 + (SIZE_INEXACT * value) ** 2))
     where = mechanism.parameters[1]
-    scatter = float(np.std(places, ddof=1)) if n > 1 else 0.0
-    grid = 0.02 * float(np.median(places)) if mechanism.form == "oscillation" else 1e-3
+    found_at = np.array(places)[large]
+    scatter = float(np.std(found_at, ddof=1)) if len(found_at) > 1 else 0.0
+    grid = 0.02 * float(np.median(found_at)) if mechanism.form == "oscillation" else 1e-3
     return {
         mechanism.amplitude: Quantity(value, error, mechanism.parameter(mechanism.amplitude).unit),
         where.name: Quantity(
-            float(np.median(places)), float(np.hypot(1.25 * scatter / np.sqrt(n), grid)), where.unit
+            float(np.median(found_at)),
+            float(np.hypot(1.25 * scatter / np.sqrt(len(found_at)), grid)),
+            where.unit,
         ),
     }

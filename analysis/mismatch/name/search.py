@@ -142,6 +142,7 @@ def worth_trying(options: list[Option], least: float, few: bool) -> list[Option]
 def pruned(account: Account, newest: Rival) -> tuple[Account, dict[str, float]]:
     """Take out, one by one, what the newest effect and the others make needless; return what the others add, in nats.
 
+    What comes in each trial anew is looked for once more: its times were found where the newest was still missing.
     What was added is not known where something was taken out since.
     """
     adds = {newest.name: newest.gain}
@@ -149,6 +150,9 @@ def pruned(account: Account, newest: Rival) -> tuple[Account, dict[str, float]]:
         if name == newest.name:
             continue
         without = account.without(name).settled()
+        if name in account.steps:
+            anew = [o.refit().reweighed() for o in own_options(without.quick()) if o.name == name]
+            account = max((account, *anew), key=lambda a: float(a.evidence.sum()))
         adds[name] = account.gain_over(without)[0]
         if adds[name] < (ENOUGH_OWN if name in account.steps else ENOUGH_SHARED):
             account, adds = without, {}
@@ -204,7 +208,9 @@ def _law_refit(
         # the population moves little: it is left alone until the best start is known
         refitted = [fit_laws(f, rounds=FIRST_ROUNDS) for f in fits]
         depth_mm = account.fit.trials[0].study_depth_mm
-        hold = [f for f in refitted if all(law.mechanism.holds(law.values, depth_mm) for law in f.shared.laws)]
+        hold = [
+            f for f in refitted if all(law.mechanism.holds(law.values, depth_mm) for law in f.shared.laws)
+        ]
         best = min(hold or refitted, key=lambda f: f.cost)
         return replace(exact, fit=best).with_laws(best.shared.laws)
 

@@ -11,10 +11,10 @@ from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Valu
 class Stiffening(Mechanism):
     """The tissue's law answers to d (1 + b d), or to d (d / D)^(p - 1), D being half of the study's largest depth.
 
-    b is the first term of a hyperelastic law. The terms after it are ``growth`` g times those of collagen that straightens
-    (Fung's exponential, (exp(2 b d) - 1) / (2 b)): d (1 + b d + g (2/3 (b d)^2 + 1/3 (b d)^3)), the textbook's law at
-    g = 0. p goes from flat punch (1) through sphere (1.5) to cone (2) and knows no
-    scale of length: D only keeps k0 a stiffness. Where p is not 1 it rules, and b is only what it amounts to at D.
+    b is the first term of a hyperelastic law. The terms after it are ``growth`` g times those of collagen that
+    straightens (Fung's exponential, (exp(2 b d) - 1) / (2 b)): d (1 + b d + g (2/3 (b d)^2 + 1/3 (b d)^3)), the
+    textbook's law at g = 0. p goes from flat punch (1) through sphere (1.5) to cone (2) and knows no scale of length: D
+    only keeps k0 a stiffness. Where p is not 1 it rules, and b is only what it amounts to at D.
     """
 
     name = "stiffening"
@@ -28,7 +28,7 @@ class Stiffening(Mechanism):
     null = {"coefficient_per_mm": 0.0, "exponent": 1.0, "growth": 0.0}
     typical = {"coefficient_per_mm": 0.3, "exponent": 1.0, "growth": 0.0}
     words = "the skin gets stiffer the deeper it is pressed"
-    source = "first term of a hyperelastic law (Fung 1967: an exponential); Sneddon's punches, sphere and cone: force as a power of depth"
+    source = "first terms of Fung's exponential (1967); Sneddon's punches, sphere and cone: force as a power of depth"
     separated_by = "three depths at three surface heights"
 
     def probe_settings(self, peak_force_mn: float, depth_mm: float) -> tuple[Values, ...]:

@@ -21,7 +21,8 @@ from analysis.mismatch.locate.windows import CommonShape, common_shape, own_evid
 class Remainder:
     """Evidence in nats for a shape that all trials have in common, for what differs from trial to trial, for bursts.
 
-    ``trend`` is what changes over the session.
+    ``trend`` is what changes over the session; ``inexact`` the part of the evidence for the laws that comes of granting
+    that they are off.
 
     ``share`` is what part of everything beyond the noise it is, weighed by the noise that is left beside it.
     """
@@ -31,6 +32,7 @@ class Remainder:
     share: float
     bursts: Bursts
     trend: Trend = NO_TREND
+    inexact: float = 0.0
 
     @property
     def evidence(self) -> float:
@@ -70,7 +72,16 @@ def remainder_of(account: Account, nothing: Account) -> Remainder:
     if trend.significant and trend.evidence > best.evidence:
         explained = max(account.gain_over(nothing)[0], 0.0)
         best = replace(best, share=trend.evidence / (trend.evidence + explained))
-    return replace(best, bursts=bursts, trend=trend)
+    return replace(best, bursts=bursts, trend=trend, inexact=_inexact_share(account, nothing))
+
+
+def _inexact_share(account: Account, nothing: Account) -> float:
+    """Return what part of an account's evidence comes of granting that its laws are off, all by one noise."""
+    if not account.inexact:
+        return 0.0
+    noise = account.fit.noise
+    all_of_it = account.gain_over(nothing.at_noise(noise))[0]
+    return account.gain_over(account.exact.at_noise(noise))[0] / max(all_of_it, 1e-12)
 
 
 def find_transients(fit: StudyFit) -> Bursts:

@@ -10,7 +10,7 @@ import numpy as np
 from analysis.mismatch.diagnosis import Diagnosis
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.gram import solve
-from analysis.mismatch.levels import KEPT, ROUGH, SMALL_SHARE, TOLERANCE_SHARE
+from analysis.mismatch.levels import KEPT, SMALL_SHARE, TOLERANCE_SHARE
 from analysis.mismatch.model.effects import TISSUE_NAMES, TISSUE_SIZE
 from analysis.mismatch.name.finding import Finding, Quantity
 from analysis.mismatch.report import wording
@@ -75,12 +75,12 @@ def kept_findings(diagnosis: Diagnosis) -> tuple[Finding, ...]:
     """Return the findings that stand: not at a bound, and together most of what is explainable.
 
     Where more is left than they explain they are the nearest laws to something else, and their names would mislead.
-    So are laws which are right to a third only, unless they explain nearly all.
+    So are laws that explain because they are granted to be off: one that is right to a third leaves a tenth.
     """
-    stand = tuple(f for f in diagnosis.findings if not f.at_bound)
     left = diagnosis.remainder.share if diagnosis.remainder.significant else 0.0
-    enough = KEPT if diagnosis.improved.inexact < ROUGH else 1.0 - SMALL_SHARE
-    return stand if 1.0 - left >= enough else ()
+    if left > 1.0 - KEPT or diagnosis.remainder.inexact > SMALL_SHARE:
+        return ()
+    return tuple(f for f in diagnosis.findings if not f.at_bound)
 
 
 def _verdict(

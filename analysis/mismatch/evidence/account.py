@@ -179,6 +179,16 @@ def with_inexactness(fit: StudyFit, share: float) -> StudyFit:
     return replace(fit, states=tuple(states))
 
 
+def inexactness_mn(state: TrialState, law: str) -> FloatArray:
+    """Return by how much a law is off in one trial, (n,) mN, as far as it was granted to be; empty where it was not."""
+    mine = [
+        c * shape.shape
+        for c, shape in zip(state.coefficients, state.shapes, strict=True)
+        if shape.effect == law and shape.kind == INEXACT_KIND
+    ]
+    return np.asarray(np.sum(mine, axis=0)) if mine else np.zeros(0)
+
+
 def law_effects(fit: StudyFit, j: int) -> list[FloatArray]:
     """Return what each law changes in the j-th trial's force, (n,) mN each."""
     trial, state, shared = fit.trials[j], fit.states[j], fit.shared

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.mismatch.evidence.account import Account, law_effects
+from analysis.mismatch.evidence.account import Account, inexactness_mn, law_effects
 from analysis.mismatch.fit.gram import solve
 from analysis.mismatch.fit.law_fit import law_prior, vector
 from analysis.mismatch.levels import INEXACT, STRETCHED, TEMPER, TWO_ERRORS, WORTH_NAMING
@@ -157,12 +157,14 @@ def law_sizes(account: Account, law: Law) -> dict[str, Quantity]:
         at += len(other.parameters)
     errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     effect = _rms([law_effects(fit, j)[fit.shared.laws.index(law)] for j in range(len(fit.trials))])
+    # no size is surer than by how much the law had to be off
+    off = np.hypot(SIZE_INEXACT * effect, _rms([inexactness_mn(state, law.name) for state in fit.states]))
     found = {}
     for k, p in enumerate(law.parameters):
         value = law.values[p.name]
         # what moves the effect by as much as the law may be off
         moved = _rms([c[:, at - TISSUE_SIZE + k] for c in account.columns[0]])
-        inexact = SIZE_INEXACT * effect / max(moved, 1e-300) if p.name == law.mechanism.amplitude else 0.0
+        inexact = off / max(moved, 1e-300) if p.name == law.mechanism.amplitude else 0.0
         error = abs(p.derivative(value)) * float(np.hypot(errors[at + k], inexact))
         if not p.inner:
             found[p.name] = Quantity(value, error, p.unit)
@@ -170,7 +172,8 @@ def law_sizes(account: Account, law: Law) -> dict[str, Quantity]:
 
 
 def _rms(of_trials: Sequence[FloatArray]) -> float:
-    return float(np.sqrt(np.mean(np.square(np.concatenate(of_trials)))))
+    squares = np.square(np.concatenate(of_trials))
+    return float(np.sqrt(squares.mean())) if len(squares) else 0.0
 
 
 def whole_law(law: Law, found: dict[str, Quantity], depth_mm: float) -> dict[str, Quantity]:

@@ -8,13 +8,20 @@ from scipy.signal import lfilter
 
 from analysis.mismatch.fit.noise import NoiseModel, measure_noise
 from analysis.mismatch.fit.whitener import Whitener
+from analysis.simulation.response import Steps
 
 
 def _cells(n: int = 300) -> SimpleNamespace:
     rng = np.random.default_rng(2)
     counts = rng.choice([1.0, 8.0, 64.0], n)
     time_s = (np.cumsum(counts) - counts / 2) / 8000.0
-    return SimpleNamespace(fitted=np.ones(n, dtype=bool), time_s=time_s, counts=counts, sample_rate_hz=8000.0)
+    return SimpleNamespace(
+        fitted=np.ones(n, dtype=bool),
+        time_s=time_s,
+        counts=counts,
+        sample_rate_hz=8000.0,
+        steps=Steps.between(time_s),
+    )
 
 
 def _covariance(cells: SimpleNamespace, noise: NoiseModel) -> np.ndarray:
@@ -34,7 +41,9 @@ def test_whitening_is_the_inverse_cholesky_factor() -> None:
     noise = NoiseModel(0.3, ((0.05, 0.4), (0.02, 0.1), (0.03, 0.006), (0.04, 0.0016)))
     columns = np.random.default_rng(3).normal(size=(len(cells.time_s), 4))
     dense = np.linalg.solve(np.linalg.cholesky(_covariance(cells, noise)), columns)
-    np.testing.assert_allclose(Whitener(cells, noise)(columns), dense, rtol=0.01, atol=0.01)
+    whitener = Whitener(cells, noise)
+    np.testing.assert_allclose(whitener(columns), dense, rtol=0.01, atol=0.01)
+    np.testing.assert_allclose(whitener(columns[:, 1]), whitener(columns)[:, 1], rtol=1e-12)
 
 
 def test_white_noise_is_weighed_by_its_count() -> None:

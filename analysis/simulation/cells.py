@@ -85,8 +85,13 @@ class CellTrial:
 
     @property
     def begins_mm(self) -> float:
-        """Where the trial begins: before contact, by what a trial is, so that contact lies no higher (mm)."""
+        """Where the trial begins: before contact, by what a trial is (mm)."""
         return float(self.position_mm[0])
+
+    @cached_property
+    def highest_contact_mm(self) -> float:
+        """Above which nothing can be touched (mm): where the approach begins; what has none may begin in contact."""
+        return self.begins_mm if self.in_phase("approach").any() else -np.inf
 
     @property
     def frees_offset(self) -> bool:

@@ -59,11 +59,15 @@ def fit_trial(
     else:
         residual = own.residual
         now = float(residual @ residual) + penalty(state, population)
-    damping, old = 1e-6, near
+    damping, old, contact = 1e-6, near, int(trial.frees_offset)
     for _ in range(rounds):
         gradient = own.columns.T @ residual + own.pull_at(state, population)
         H = own.information
-        step = np.linalg.solve(H + damping * np.diag(np.maximum(np.diag(H), 1e-12)), gradient)
+        damped = H + damping * np.diag(np.maximum(np.diag(H), 1e-12))
+        step = np.linalg.solve(damped, gradient)
+        if trial.touches and state.z0_mm + step[contact] < trial.highest_contact_mm:
+            # there the contact stays, and the others go where they should beside it
+            step = with_fixed(damped, gradient, contact, trial.highest_contact_mm - state.z0_mm)
         if float(step @ gradient) < DONE:
             break
         tried = moved(state, trial, limited(trial, own, step))
@@ -84,6 +88,14 @@ def fit_trial(
             continue
         own, old = own_columns(force_columns(trial, state, shared), whitener, state, population), False
     return state, now
+
+
+def with_fixed(H: FloatArray, gradient: FloatArray, at: int, value: float) -> FloatArray:
+    """Return x (q,) of H x = gradient in all components but one, which is given."""
+    others = np.arange(len(gradient)) != at
+    x = np.full(len(gradient), value)
+    x[others] = np.linalg.solve(H[np.ix_(others, others)], gradient[others] - H[others, at] * value)
+    return x
 
 
 def limited(trial: CellTrial, own: OwnColumns, step: NDArray[np.floating[Any]]) -> FloatArray:

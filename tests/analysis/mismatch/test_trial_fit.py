@@ -1,0 +1,52 @@
+"""One trial's own parameters: what is held where it must stay, and a contact no higher than where the trial begins."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.optimize import lsq_linear
+
+from analysis.mismatch.fit.baseline import fit_baseline
+from analysis.mismatch.fit.trial_fit import with_fixed
+from analysis.mismatch.model.effects import simulate
+from analysis.mismatch.study.intake import take_in_memory
+from analysis.recordings.trial import Trial
+from sim_hardware.concealment.offline import study_plans
+
+
+@given(st.integers(0, 10**6), st.integers(0, 4), st.floats(-2.0, 2.0))
+def test_beside_what_is_held_the_others_are_best(seed: int, at: int, value: float) -> None:
+    """Against bounded least squares, the bounds about one component closed."""
+    random = np.random.default_rng(seed)
+    X, y = random.normal(size=(30, 5)), random.normal(size=30)
+    lower, upper = np.full(5, -np.inf), np.full(5, np.inf)
+    lower[at], upper[at] = value - 1e-9, value + 1e-9
+    found = with_fixed(X.T @ X, X.T @ y, at, value)
+    np.testing.assert_allclose(found, lsq_linear(X, y, (lower, upper)).x, atol=1e-6)
+
+
+@pytest.mark.parametrize("above_mm", [-0.1, 0.1])
+def test_contact_lies_no_higher_than_the_approach_begins(
+    record: Callable[..., list[Trial]], above_mm: float
+) -> None:
+    trials = record(41, plans=study_plans(depths_mm=(0.5,), repeats=3, hold_s=1.0, dwell_s=0.2))
+    fit = fit_baseline(take_in_memory(trials).trials)
+    # a skin that would lie above or below where the arm set out
+    wanted_mm = [t.begins_mm - above_mm for t in fit.trials]
+    forces = [
+        simulate(t, replace(s, z0_mm=z), fit.shared)
+        for t, s, z in zip(fit.trials, fit.states, wanted_mm, strict=True)
+    ]
+    pressed = tuple(replace(t, force_mn=f) for t, f in zip(fit.trials, forces, strict=True))
+    begun = tuple(replace(s, z0_mm=t.begins_mm + 0.02) for t, s in zip(fit.trials, fit.states, strict=True))
+    found = replace(fit, trials=pressed, states=begun).with_states()
+    for trial, state, z in zip(found.trials, found.states, wanted_mm, strict=True):
+        if above_mm > 0.0:
+            assert state.z0_mm == pytest.approx(trial.begins_mm, abs=1e-9)
+        else:
+            assert state.z0_mm == pytest.approx(z, abs=0.01)

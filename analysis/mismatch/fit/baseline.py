@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.errors import BadInputError
 from analysis.mismatch.fit.noise import NoiseModel, measure_noise
 from analysis.mismatch.fit.slow_noise import with_slow_noise
 from analysis.mismatch.fit.start import start_rigid, start_tissue
@@ -62,7 +63,7 @@ def begun_anew(fit: StudyFit) -> StudyFit:
     """Return the fit with its tissues begun anew beside the laws and shapes that were added.
 
     A tissue that had stood for a law before it was added may not find back: an arm that imitates a dashpot is far from
-    where an arm is missing.
+    where an arm is missing. Where the effects leave no force that grows with depth it stays as it is.
     """
     nothing = replace(fit.shared, laws=())
     forces_mn = []
@@ -71,7 +72,10 @@ def begun_anew(fit: StudyFit) -> StudyFit:
     ):
         bare = replace(state, shapes=OwnShapes(), coefficients=np.zeros(0))
         forces_mn.append(residual_mn + simulate(trial, bare, nothing) - state.offset_mn)
-    mean = start_tissue(fit.trials, [s.z0_mm for s in fit.states], forces_mn).logarithms
+    try:
+        mean = start_tissue(fit.trials, [s.z0_mm for s in fit.states], forces_mn).logarithms
+    except BadInputError:
+        return fit
     states = tuple(replace(s, log_tissue=mean) if s.has_tissue else s for s in fit.states)
     return replace(fit, states=states, population=Population.weak(mean)).with_population(1)
 

@@ -20,7 +20,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 FINE_S = 0.012
-RELEASE_S, CLINGS_S = 0.003, 0.03
+RELEASE_S = 0.003
 MEDIUM_S = 0.06
 MEDIUM_CELL_S = 0.001
 MOVING_CELL_S = 0.002
@@ -163,18 +163,17 @@ def _cell_starts(trial: Trial, motion: Motion, z0_mm: float, offset_mn: float) -
     release = find_release(trial, offset_mn)
     if release is not None:
         around = round(RELEASE_S * rate)
-        length[max(0, release[0] - around) : release[1] + around] = 1
+        length[max(0, release - around) : release + around] = 1
     length = 2 ** np.floor(np.log2(length)).astype(np.int64)  # few distinct lengths: few stretches
     edges = [0, *(np.flatnonzero(np.diff(length)) + 1).tolist(), n]
     pieces = [np.arange(a, b, length[a], dtype=np.int64) for a, b in zip(edges[:-1], edges[1:], strict=True)]
     return np.concatenate(pieces)
 
 
-def find_release(trial: Trial, offset_mn: float) -> tuple[int, int] | None:
-    """Return the samples at which the force of the retract first comes down to the offset, and where it is least.
+def find_release(trial: Trial, offset_mn: float) -> int | None:
+    """Return the sample at which the force of the retract has first come down to the offset; None if never.
 
-    None if it never comes down. A skin that clings pulls on beyond the offset and then lets go within a fraction of a
-    millisecond; its pull is no more than `CLINGS_S` long.
+    A skin that clings and lets go does so within a fraction of a millisecond of it.
     """
     retract = trial.phase("retract")
     if retract is None or trial.kind == "air_sweep":
@@ -185,11 +184,7 @@ def find_release(trial: Trial, offset_mn: float) -> tuple[int, int] | None:
         return None
     smooth = np.convolve(force_mn, np.full(w, 1.0 / w), mode="valid")
     below = np.flatnonzero(smooth <= 0.0)
-    if not below.size:
-        return None
-    first = int(below[0])
-    least = first + int(np.argmin(smooth[first : first + max(1, round(CLINGS_S * trial.sample_rate_hz))]))
-    return retract.start + first + w // 2, retract.start + least + w // 2
+    return retract.start + int(below[0]) + w // 2 if below.size else None
 
 
 def find_contact(trial: Trial, motion: Motion) -> tuple[float, float]:

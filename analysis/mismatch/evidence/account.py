@@ -88,14 +88,9 @@ class Account:
 
     def without(self, name: str) -> Account:
         """Return the account refitted without one effect."""
-        if name in self.steps:
-            fit = replace(self.fit, states=tuple(_without(s, name) for s in self.fit.states))
-            account = Account(fit, tuple(n for n in self.steps if n != name), self.cost)
-            return account.with_laws(fit.shared.laws)
-        stripped = replace(
-            self, fit=replace(self.fit, states=tuple(_without(s, name) for s in self.fit.states))
-        )
-        return stripped.with_laws(tuple(law for law in self.fit.shared.laws if law.name != name))
+        fit = replace(self.fit, states=tuple(_without(s, name) for s in self.fit.states))
+        stripped = replace(self, fit=fit, steps=tuple(n for n in self.steps if n != name))
+        return stripped.with_laws(tuple(law for law in fit.shared.laws if law.name != name))
 
     def quick(self) -> Account:
         """Return the account weighed by the quick part of its noise only.
@@ -120,7 +115,8 @@ class Account:
 
     def reweighed(self) -> Account:
         """Return the account with the noise measured anew from what it leaves, its laws exact or not as is likelier."""
-        exact = self.exact.at_noise(noise_left(self.exact.fit))
+        exact = self.exact
+        exact = exact.at_noise(noise_left(exact.fit))
         if not exact.fit.shared.laws or len(exact.fit.trials) < FEWEST_HELD_OUT:
             return exact
         best = exact
@@ -135,6 +131,8 @@ class Account:
     @property
     def exact(self) -> Account:
         """The account with its laws taken as exact."""
+        if not self.inexact:
+            return self
         kept = [[k for k, x in enumerate(s.shapes) if x.kind != INEXACT_KIND] for s in self.fit.states]
         states = tuple(_kept(s, k) for s, k in zip(self.fit.states, kept, strict=True))
         return replace(self, fit=replace(self.fit, states=states), inexact=0.0)

@@ -15,7 +15,7 @@ from analysis.mismatch.fit.start import start_rigid, start_tissue
 from analysis.mismatch.fit.study_fit import StudyFit, all_equal
 from analysis.mismatch.fit.whitener import Whitener
 from analysis.mismatch.levels import FEWEST_HELD_OUT
-from analysis.mismatch.model.effects import OwnShape, OwnShapes, Shared, TrialState, simulate
+from analysis.mismatch.model.effects import OwnShape, Shared, TrialState, simulate, tissue_force
 from analysis.mismatch.model.population import Population
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.smoothing import sample_noise
@@ -65,13 +65,10 @@ def begun_anew(fit: StudyFit) -> StudyFit:
     A tissue that had stood for a law before it was added may not find back: an arm that imitates a dashpot is far from
     where an arm is missing. Where the effects leave no force that grows with depth it stays as it is.
     """
-    nothing = replace(fit.shared, laws=())
-    forces_mn = []
-    for trial, state, residual_mn in zip(
-        fit.trials, fit.states, map(fit.residual_mn, range(len(fit.trials))), strict=True
-    ):
-        bare = replace(state, shapes=OwnShapes(), coefficients=np.zeros(0))
-        forces_mn.append(residual_mn + simulate(trial, bare, nothing) - state.offset_mn)
+    forces_mn = [
+        fit.residual_mn(j) + tissue_force(trial, state, fit.shared)
+        for j, (trial, state) in enumerate(zip(fit.trials, fit.states, strict=True))
+    ]
     try:
         mean = start_tissue(fit.trials, [s.z0_mm for s in fit.states], forces_mn).logarithms
     except BadInputError:
@@ -86,9 +83,7 @@ def _with_block(trial: CellTrial, state: TrialState, shared: Shared) -> TrialSta
         return state
     known = STATED_BLOCK if trial.target_stiffness_mn_per_mm else UNSTATED_BLOCK
     force = simulate(trial, state, shared) - state.offset_mn
-    return replace(
-        state, shapes=OwnShapes((OwnShape("block", "force", force, known**2),)), coefficients=np.zeros(1)
-    )
+    return state.with_shapes([OwnShape("block", "force", force, known**2)])
 
 
 def noise_of(fit: StudyFit) -> NoiseModel:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,10 +106,20 @@ def where_trend(trend: Trend) -> tuple[Located, ...]:
     if not trend.significant:
         return ()
     p = float(np.exp(-min(trend.evidence, 700.0)))
-    window = Located(
-        "hold", trend.start_s, trend.stop_s, 0.0, trend.rms_mn, p, 1.0, common=False, with_depth=False
+    return (
+        Located(
+            "hold",
+            trend.start_s,
+            trend.stop_s,
+            0.0,
+            trend.rms_mn,
+            p,
+            1.0,
+            common=False,
+            with_depth=False,
+            told=trend.words,
+        ),
     )
-    return (replace(window, told=trend.words),)
 
 
 def _energies(fit: StudyFit, columns: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from analysis.mismatch.fit.noise import NoiseModel
 from analysis.mismatch.fit.slow_noise import restricted_deviance
 from analysis.mismatch.fit.study_fit import StudyFit
-from analysis.mismatch.model.effects import OwnShape, OwnShapes, TrialState, simulate
+from analysis.mismatch.model.effects import OwnShape, OwnShapes, TrialState, tissue_force
 from analysis.simulation.cells import CellTrial
 
 SHARES = (1.0, 0.5, 0.25, 0.1, 0.03, 0.01, 0.0)
@@ -52,8 +52,7 @@ def out_of_contact(fit: StudyFit) -> Quiet:
 def _apart(fit: StudyFit, j: int) -> tuple[CellTrial, TrialState] | None:
     """Return what is left of the j-th trial out of contact, as a trial that touches nothing; None if it always does."""
     trial, state = fit.trials[j], fit.states[j]
-    bare = replace(state, offset_mn=0.0, shapes=OwnShapes(), coefficients=np.zeros(0))
-    contact = np.abs(simulate(trial, bare, replace(fit.shared, laws=()))) > 0.0
+    contact = np.abs(tissue_force(trial, state, fit.shared)) > 0.0
     touched = np.flatnonzero(contact)
     free: NDArray[np.bool_] = trial.fitted.copy()
     if len(touched):

@@ -98,10 +98,8 @@ def find_trend(fit: StudyFit) -> Trend:
         without = replace(state, log_tissue=state.log_tissue - slope * way)
         held = trial.in_phase("hold")
         moved = simulate(trial, state, fit.shared) - simulate(trial, without, fit.shared)
-        squares, samples = (
-            squares + float(trial.counts @ (held * moved**2)),
-            samples + float(trial.counts @ held),
-        )
+        squares += float(trial.counts @ (held * moved**2))
+        samples += float(trial.counts @ held)
     start_s, stop_s = (float(np.median([t.hold_window_s[k] for t in trials])) for k in (0, 1))
     rms_mn = float(np.sqrt(squares / max(samples, 1.0)))
     return Trend(best, slope * float(np.ptp(along)), rms_mn, start_s, stop_s)

@@ -124,6 +124,12 @@ def delayed(trial: CellTrial, force_mn: FloatArray) -> FloatArray:
     return low_pass(force_mn, trial.steps, 1.0 / trial.sample_rate_hz) - force_mn
 
 
+def tissue_force(trial: CellTrial, state: TrialState, shared: Shared) -> FloatArray:
+    """Return the force (n,) of a trial's tissue alone, without laws, own shapes and offset, mN."""
+    bare = replace(state, offset_mn=0.0, shapes=OwnShapes(), coefficients=np.zeros(0))
+    return simulate(trial, bare, replace(shared, laws=()))
+
+
 def simulate(trial: CellTrial, state: TrialState, shared: Shared) -> FloatArray:
     """Return the force (n,) of a trial, mN."""
     added = {acts: state.coefficients[at] @ shapes for acts, (at, shapes) in state.shapes.by_stage.items()}

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.special import log_ndtr, logsumexp
 
 from analysis.mismatch.fit.study_fit import StudyFit
-from analysis.mismatch.model.effects import Acts, OwnShape, OwnShapes, TrialState, simulate
+from analysis.mismatch.model.effects import Acts, OwnShape, TrialState, simulate
 from analysis.simulation.cells import CellTrial
 
 FloatArray = NDArray[np.float64]
@@ -181,12 +181,7 @@ def _scores(
             step_shape(trial, float(time_s), rise_s) * unit,
             1.0,
         )
-        added = replace(
-            state,
-            shapes=OwnShapes((*state.shapes, shape)),
-            coefficients=np.append(state.coefficients, event.unit),
-        )
-        columns[:, k] = simulate(trial, added, fit.shared) - base
+        columns[:, k] = simulate(trial, state.with_shapes([shape], event.unit), fit.shared) - base
     projector = fit.projectors[j]
     white = projector(columns)
     return np.einsum("nk,nk->k", white, white), projector.residual @ white

@@ -58,7 +58,7 @@ def test_skin_that_soaks_is_found_and_said(fitted: StudyFit) -> None:
     assert 0.0 < trend.start_s < trend.stop_s
 
 
-def test_of_few_trials_or_of_those_that_went_deeper_and_deeper_nothing_is_said(fitted: StudyFit) -> None:
+def test_of_few_trials_or_where_every_finger_was_pressed_once_nothing_is_said(fitted: StudyFit) -> None:
     soaked = with_tissues(fitted, 1, drift=1.6)
     few = replace(soaked, trials=soaked.trials[:8], states=soaked.states[:8], whiteners=soaked.whiteners[:8])
     assert not find_trend(few).significant

@@ -168,9 +168,14 @@ class Projector:
 
     def __call__(self, columns_mn: FloatArray) -> FloatArray:
         """Return columns (n, m) of force, whitened and projected."""
-        if columns_mn.ndim == 2 and columns_mn.shape[1] == 0:
-            return np.zeros((len(self.residual), 0))
-        return self._project(self._whitener(columns_mn))
+        shown = np.any(columns_mn, axis=0)
+        if np.all(shown) and len(shown):
+            return self._project(self._whitener(columns_mn))
+        # much of what a law may leave over is nothing in this trial
+        found = np.zeros_like(columns_mn)
+        if np.any(shown):
+            found[:, shown] = self(columns_mn[:, shown])
+        return found
 
 
 def orthonormal(columns: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -111,19 +111,20 @@ def scan_oscillations(fit: StudyFit) -> OscillationScan:
             values, vectors = np.linalg.eigh(white[:, a:b].T @ white[:, a:b])
             own.append((np.maximum(values, 0.0), (scores[a:b] @ vectors) ** 2))
         energies.append(own)
-    shown = [float(v.max()) for own in energies for v, _ in own]
+    # what a slow rhythm has fewer of than a quick one stays nothing
+    a = np.zeros((len(skin), len(grid), max(len(v) for own in energies for v, _ in own)))
+    c2 = np.zeros_like(a)
+    for at, own in enumerate(energies):
+        for k, (values, squares) in enumerate(own):
+            a[at, k, : len(values)], c2[at, k, : len(values)] = values, squares
+    shown = a.max(axis=2)
     if not np.median(shown) > 0.0:  # nothing touches, or samples are too far apart for any of them
         return nothing
     typical = 1.0 / np.sqrt(float(np.median(shown)))
     best = nothing
     for strength in SIZES:
         v = (float(strength) * typical) ** 2
-        ratio = np.array(
-            [
-                [float(np.sum(-0.5 * np.log1p(v * a) + 0.5 * v * c2 / (1.0 + v * a))) for a, c2 in own]
-                for own in energies
-            ]
-        )
+        ratio = (-0.5 * np.log1p(v * a) + 0.5 * v * c2 / (1.0 + v * a)).sum(axis=2)
         profile = np.zeros(len(grid))
         spread = np.zeros_like(ratio)
         for k, f in enumerate(grid):

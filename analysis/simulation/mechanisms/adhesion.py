@@ -62,9 +62,11 @@ class Adhesion(Mechanism):
         # the largest force, carried at u = reach, is the pull-off itself
         scale = pull * (1.0 + reach**q) ** (1.0 / q) / reach
         free = free_force_mn[first:]
-        u = np.maximum(-free, 0.0) / scale
-        capped = np.minimum(u, 2.0 * reach)
-        clung = np.where(free < 0.0, -scale * capped / (1.0 + capped**q) ** (1.0 / q), free)
+        pulled = free < 0.0
+        u, clung = np.zeros_like(free), free.copy()
+        u[pulled] = -free[pulled] / scale
+        capped = np.minimum(u[pulled], 2.0 * reach)
+        clung[pulled] = -scale * capped / (1.0 + capped**q) ** (1.0 / q)
         out = contact_force_mn.copy()
         lost = np.flatnonzero(u >= reach)
         if not lost.size or lost[0] == 0:

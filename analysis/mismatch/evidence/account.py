@@ -22,11 +22,13 @@ FloatArray = NDArray[np.float64]
 
 INEXACT_KIND = "inexact"
 SLOW_S = 0.06
-PER_PHASE, SMOOTH = 5, 2
+PER_PHASE, SMOOTH = 6, 2
 """Shapes of a law's inexactness in every phase, and how many of them are free in every trial anew."""
 NEGLIGIBLE = 0.01
-SETTLES_S = (0.005, 0.05)
-"""A law may be off for such times after a phase began."""
+SETTLES_S = 0.02
+"""A law may be off for such a time after a phase began."""
+KERNEL_S = 1e-3
+"""And it may act through a kernel of such a length."""
 
 
 @dataclass(frozen=True)
@@ -50,19 +52,22 @@ class Account:
     @cached_property
     def grams(self) -> Grams:
         """Products of the laws' own columns, of what they may leave over in all trials alike, and of a delay."""
-        return gram(self.fit, *self.columns)
+        return gram(self.fit, map(self.columns, range(len(self.fit.trials))), self.precision)
 
-    @cached_property
-    def columns(self) -> tuple[list[FloatArray], FloatArray]:
-        """By trial the columns (n, K) of `grams` in mN, the laws' parameters first, and their precision (K,)."""
+    def columns(self, j: int) -> FloatArray:
+        """Return the columns (n, K) of `grams` in the j-th trial in mN, the laws' parameters first."""
         fit = self.fit
-        parts = [[law_columns(t, s, fit.shared)] for t, s in zip(fit.trials, fit.states, strict=True)]
-        precision = known_beforehand(fit.shared)
-        if self.inexact:
-            for part, left in zip(parts, inexact_columns(fit), strict=True):
-                part.append(left)
-            precision = np.append(precision, np.full(parts[0][-1].shape[1], self.inexact**-2))
-        return [np.column_stack(part) for part in parts], precision
+        of_laws = law_columns(fit.trials[j], fit.states[j], fit.shared)
+        return np.hstack([of_laws, inexact_columns(fit, j)]) if self.inexact else of_laws
+
+    @property
+    def precision(self) -> FloatArray:
+        """What is known (K,) of the coefficients of `columns` before any trial is weighed by them."""
+        known = known_beforehand(self.fit.shared)
+        if not self.inexact:
+            return known
+        left = len(self.fit.shared.laws) * len(PHASE_NAMES) * PER_PHASE
+        return np.append(known, np.full(left, self.inexact**-2))
 
     @cached_property
     def evidence(self) -> FloatArray:
@@ -77,6 +82,12 @@ class Account:
         """Return the gain in nats, with its paired error, over another account of the trials, each by its own noise."""
         gain = self.evidence - other.evidence
         return float(gain.sum()), float(np.std(gain) * np.sqrt(len(gain)))
+
+    def let_go(self) -> Account:
+        """Return the account with its evidence, but not what that was made of: columns of all trials fill memory."""
+        kept = replace(self, fit=replace(self.fit))
+        kept.__dict__["evidence"] = self.evidence
+        return kept
 
     def with_laws(self, laws: tuple[Law, ...]) -> Account:
         """Return the account refitted with other laws."""
@@ -156,10 +167,10 @@ def _kept(state: TrialState, kept: list[int]) -> TrialState:
 
 def with_inexactness(fit: StudyFit, share: float) -> StudyFit:
     """Return the fit in which every law may be off by a share of its size, differently in every trial and phase."""
-    columns = inexact_columns(fit)
     names = [law.name for law in fit.shared.laws]
     states = []
-    for own, state in zip(columns, fit.states, strict=True):
+    for j, state in enumerate(fit.states):
+        own = inexact_columns(fit, j)
         kept = [k for k, shape in enumerate(state.shapes) if shape.kind != INEXACT_KIND]
         per_law = own.shape[1] // max(len(names), 1)
         added = [
@@ -198,28 +209,27 @@ def law_effects(fit: StudyFit, j: int) -> list[FloatArray]:
     return found
 
 
-def inexact_columns(fit: StudyFit) -> list[FloatArray]:
-    """Return, by trial, each law's effect times smooth functions over every phase (n, D); coefficients about 0.1.
+def inexact_columns(fit: StudyFit, j: int) -> FloatArray:
+    """Return what each law may leave over in every phase of the j-th trial (n, D), mN; coefficients about 0.1.
 
-    What a law that is right to a tenth leaves over is expected there, and no evidence for another.
+    Its effect times smooth functions, and the first two moments of a kernel in time: a law that is right to a tenth may
+    act a little later and less at once. What it so leaves over is expected there, and no evidence for another.
     """
-    found = []
-    for j, trial in enumerate(fit.trials):
-        columns = []
-        for effect in law_effects(fit, j):
-            largest = float(np.abs(effect).max())
-            for code in range(len(PHASE_NAMES)):
-                inside = trial.phase == code
-                t = trial.time_s[inside]
-                since = t - t[0] if len(t) else t
+    trial = fit.trials[j]
+    columns = [np.zeros((len(trial.time_s), 0))]
+    for effect in law_effects(fit, j):
+        least = NEGLIGIBLE * float(np.abs(effect).max())
+        late = KERNEL_S * np.gradient(effect, trial.time_s)
+        spread = 0.5 * KERNEL_S * np.gradient(late, trial.time_s)
+        for code in range(len(PHASE_NAMES)):
+            inside = trial.phase == code
+            columns.append(np.zeros((len(effect), PER_PHASE)))
+            if np.count_nonzero(inside) > 1 and float(np.abs(effect[inside]).max()) > least:
+                mine, t = effect[inside], trial.time_s[inside]
                 # over what the law does there, not over time: it may act in a moment of the phase
-                done = np.cumsum(np.abs(effect[inside]) * trial.counts[inside])
-                u = 2.0 * done / max(float(done[-1]), 1e-300) - 1.0 if len(t) else t
-                shows = len(t) > 1 and float(np.abs(effect[inside]).max()) > NEGLIGIBLE * largest
-                for shape in (np.ones_like(u), u, 1.5 * u**2 - 0.5, *(np.exp(-since / s) for s in SETTLES_S)):
-                    column = np.zeros_like(effect)
-                    if shows:
-                        column[inside] = effect[inside] * shape
-                    columns.append(column)
-        found.append(np.column_stack(columns) if columns else np.zeros((len(trial.time_s), 0)))
-    return found
+                done = np.cumsum(np.abs(mine) * trial.counts[inside])
+                u = 2.0 * done / max(float(done[-1]), 1e-300) - 1.0
+                settling = np.exp((t[0] - t) / SETTLES_S)
+                smooth = (mine, mine * u, mine * (1.5 * u**2 - 0.5), mine * settling)
+                columns[-1][inside] = np.column_stack((*smooth, late[inside], spread[inside]))
+    return np.hstack(columns)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,16 +38,18 @@ class Grams:
         return np.asarray(self.by_trial.sum(axis=0))
 
 
-def gram(fit: StudyFit, columns: Sequence[FloatArray], ridge: FloatArray | None = None) -> Grams:
-    """Return the products of a fit's trials with added columns (n_j, K) mN; ``ridge`` (K,) is their precision."""
+def gram(fit: StudyFit, columns: Iterable[FloatArray], ridge: FloatArray | None = None) -> Grams:
+    """Return the products of a fit's trials with added columns (n_j, K) mN; ``ridge`` (K,) is their precision.
+
+    The columns are taken trial by trial: those of a hundred trials at once fill memory.
+    """
     products = []
     for projector, added in zip(fit.projectors, columns, strict=True):
         X = np.column_stack([projector.mean_columns, projector(added), projector.residual])
         products.append(X.T @ X)
-    K = columns[0].shape[1]
-    whole = np.zeros(TISSUE_SIZE + K + 1)
+    whole = np.zeros(len(products[0]))
     if ridge is not None:
-        whole[TISSUE_SIZE : TISSUE_SIZE + K] = ridge
+        whole[TISSUE_SIZE:-1] = ridge
     return Grams(np.array(products), whole, sum(len(p.residual) for p in fit.projectors))
 
 

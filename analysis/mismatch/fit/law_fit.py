@@ -133,7 +133,7 @@ def fit_laws(fit: StudyFit, rounds: int = ROUNDS) -> StudyFit:
     damping = 1e-6
     for _ in range(rounds):
         grams = gram(
-            fit, [law_columns(t, s, fit.shared) for t, s in zip(fit.trials, fit.states, strict=True)]
+            fit, (law_columns(t, s, fit.shared) for t, s in zip(fit.trials, fit.states, strict=True))
         )
         N = grams.total()
         size = TISSUE_SIZE + P

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis.mismatch.evidence.account import Account
-from analysis.mismatch.fit.noise import NoiseModel
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import ENOUGH_UNKNOWN, INEXACT
 from analysis.mismatch.locate.outliers import find_outliers
@@ -52,7 +51,8 @@ def remainder_of(account: Account, nothing: Account) -> Remainder:
     what wanders in contact alone; it is told by the parts of a trial out of contact.
     ``nothing`` is the account without effects, at any noise.
     """
-    best = _common(account, account.fit.noise, nothing)
+    bare = nothing.at_noise(account.fit.noise)
+    best = _common(account, bare)
     quiet = out_of_contact(account.fit)
     if quiet.gain > best.own:
         there = account.at_noise(quiet.noise)
@@ -62,8 +62,8 @@ def remainder_of(account: Account, nothing: Account) -> Remainder:
     quick = account.quick()
     if quick is not account:
         # the shape is looked for where no slow noise is granted; what is left without it is the noise beside it
-        beside = replace(account, fit=_without(account, _shape(quick)))
-        best = max(best, _common(account, beside.reweighed().fit.noise, nothing), key=lambda r: r.evidence)
+        beside = replace(account, fit=_without(account, _shape(quick))).reweighed()
+        best = max(best, _common(account, nothing.at_noise(beside.fit.noise)), key=lambda r: r.evidence)
     bursts = find_transients(account.fit)
     if bursts.evidence > best.evidence:
         explained = max(account.gain_over(nothing)[0], 0.0)
@@ -72,16 +72,18 @@ def remainder_of(account: Account, nothing: Account) -> Remainder:
     if trend.significant and trend.evidence > best.evidence:
         explained = max(account.gain_over(nothing)[0], 0.0)
         best = replace(best, share=trend.evidence / (trend.evidence + explained))
-    return replace(best, bursts=bursts, trend=trend, inexact=_inexact_share(account, nothing))
+    return replace(best, bursts=bursts, trend=trend, inexact=_inexact_share(account, bare))
 
 
-def _inexact_share(account: Account, nothing: Account) -> float:
-    """Return what part of an account's evidence comes of granting that its laws are off, all by one noise."""
+def _inexact_share(account: Account, bare: Account) -> float:
+    """Return what part of an account's evidence over a bare one comes of granting that its laws are off.
+
+    All are weighed by one noise, the bare one's and the account's.
+    """
     if not account.inexact:
         return 0.0
-    noise = account.fit.noise
-    all_of_it = account.gain_over(nothing.at_noise(noise))[0]
-    return account.gain_over(account.exact.at_noise(noise))[0] / max(all_of_it, 1e-12)
+    all_of_it = account.gain_over(bare)[0]
+    return account.gain_over(account.exact.at_noise(bare.fit.noise))[0] / max(all_of_it, 1e-12)
 
 
 def find_transients(fit: StudyFit) -> Bursts:
@@ -90,8 +92,8 @@ def find_transients(fit: StudyFit) -> Bursts:
 
 
 def _shape(account: Account) -> CommonShape:
-    columns, precision = replace(account, inexact=account.inexact or INEXACT).columns
-    return common_shape(account.fit, columns, precision)
+    known = replace(account, inexact=account.inexact or INEXACT)
+    return common_shape(account.fit, known.columns, known.precision)
 
 
 def _without(account: Account, shape: CommonShape) -> StudyFit:
@@ -104,12 +106,13 @@ def _without(account: Account, shape: CommonShape) -> StudyFit:
     return replace(account.fit, trials=tuple(trials))
 
 
-def _common(account: Account, noise: NoiseModel, nothing: Account) -> Remainder:
-    """Weigh the remainder by a noise, its gain over the account at the account's own."""
-    here = account if noise == account.fit.noise else account.at_noise(noise)
+def _common(account: Account, bare: Account) -> Remainder:
+    """Weigh the remainder by a bare account's noise, its gain over the account at the account's own."""
+    same = bare.fit.noise == account.fit.noise
+    here = account if same else account.at_noise(bare.fit.noise)
     left = _shape(here).gain
     own = own_evidence(here.fit)[0]
-    explained = max(here.gain_over(nothing.at_noise(noise))[0], 0.0)
+    explained = max(here.gain_over(bare)[0], 0.0)
     lost = here.gain_over(account)[0]
     beyond = max(left, own, 0.0)
     return Remainder(left + lost, own + lost, beyond / max(beyond + explained, 1e-12), NO_BURSTS)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -81,18 +81,19 @@ class CommonShape:
     force_mn: tuple[FloatArray, ...]
 
 
-def common_shape(fit: StudyFit, present: Sequence[FloatArray], precision: FloatArray) -> CommonShape:
+def common_shape(fit: StudyFit, present: Callable[[int], FloatArray], precision: FloatArray) -> CommonShape:
     """Return the shape that trials have in common beside what is present, whatever it is.
 
-    Every window has a height that is the same in all trials, and one that grows with depth. ``present`` (n_j, P) are
-    columns that are there anyway, ``precision`` (P,) what is known of them.
+    Every window has a height that is the same in all trials, and one that grows with depth. ``present`` gives the
+    j-th trial's columns (n_j, P) that are there anyway, ``precision`` (P,) what is known of them.
     """
-    shapes = []
-    for trial in fit.trials:
+
+    def shapes(trial: CellTrial) -> FloatArray:
         windows = window_columns(trial)
-        shapes.append(np.hstack([windows, windows * (trial.depth_mm / trial.study_depth_mm)]))
-    columns = [np.column_stack(both) for both in zip(present, shapes, strict=True)]
-    P, W = present[0].shape[1], 2 * len(PLACES)
+        return np.hstack([windows, windows * (trial.depth_mm / trial.study_depth_mm)])
+
+    columns = (np.hstack([present(j), shapes(trial)]) for j, trial in enumerate(fit.trials))
+    P, W = len(precision), 2 * len(PLACES)
     norm = gram(fit, columns, np.concatenate([precision, np.ones(W)]))
     total = norm.total()
     of_windows = np.diag(total)[TISSUE_SIZE + P : TISSUE_SIZE + P + W]
@@ -104,7 +105,7 @@ def common_shape(fit: StudyFit, present: Sequence[FloatArray], precision: FloatA
         gain = 0.5 * float((before - predictive_deviance(replace(norm, ridge=ridge), range(P + W))).sum())
         if gain > best:
             best, heights = gain, solve(total, ridge, range(TISSUE_SIZE + P + W))[0][-W:]
-    return CommonShape(best, tuple(s @ heights for s in shapes))
+    return CommonShape(best, tuple(shapes(t) @ heights for t in fit.trials))
 
 
 def own_evidence(fit: StudyFit) -> tuple[float, FloatArray]:

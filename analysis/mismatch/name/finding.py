@@ -97,14 +97,16 @@ def weighed(
 ) -> tuple[float, dict[str, float]]:
     """Return how probable a name is, and the probabilities of its alternatives.
 
-    Evidence is tempered, and a lead within a tenth of the evidence, to which laws are right, is none. Alternatives are
-    those that remain probable, those within two paired errors, and those the library knows to be inseparable.
+    Evidence is tempered, and a lead within a tenth of the evidence, to which laws are right, is none. Nor is it an
+    effect at all if the laws before it leave over so much: H0 is that this is exponential about what they are expected
+    to leave. Alternatives are those that remain probable, those within two paired errors, and those the library knows
+    to be inseparable.
     """
     own = next((r for r in rivals if r.name == mechanism.name), None)
     if own is None or own.gain <= 0:
         return 1.0, {}
     temperature = 1.0 + TEMPER * own.gain
-    logits = {"": -own.gain / temperature, mechanism.name: 0.0}
+    logits = {"": -own.gain / max(temperature, own.left), mechanism.name: 0.0}
     close = set()
     for r in rivals:
         if r.name == mechanism.name or r.name in present or r.name not in library():
@@ -155,6 +157,7 @@ def law_sizes(account: Account, law: Law) -> dict[str, Quantity]:
         if other is law:
             break
         at += len(other.parameters)
+    columns = [account.columns(j) for j in range(len(fit.trials))]
     errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     effect = _rms([law_effects(fit, j)[fit.shared.laws.index(law)] for j in range(len(fit.trials))])
     # no size is surer than by how much the law had to be off
@@ -163,7 +166,7 @@ def law_sizes(account: Account, law: Law) -> dict[str, Quantity]:
     for k, p in enumerate(law.parameters):
         value = law.values[p.name]
         # what moves the effect by as much as the law may be off
-        moved = _rms([c[:, at - TISSUE_SIZE + k] for c in account.columns[0]])
+        moved = _rms([c[:, at - TISSUE_SIZE + k] for c in columns])
         inexact = off / max(moved, 1e-300) if p.name == law.mechanism.amplitude else 0.0
         error = abs(p.derivative(value)) * float(np.hypot(errors[at + k], inexact))
         if not p.inner:

@@ -47,12 +47,16 @@ class Option:
 
 @dataclass(frozen=True)
 class Rival:
-    """An effect that was refitted at one step: evidence in nats over the account before, and its paired error."""
+    """An effect that was refitted at one step: evidence in nats over the account before, and its paired error.
+
+    ``left`` are the nats that the laws before it leave over by being inexact.
+    """
 
     name: str
     gain: float
     error: float
     account: Account
+    left: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -120,7 +124,7 @@ def considered(account: Account, nothing: Account) -> tuple[Rival, ...]:
         # a gain below its error is one trial's, at the cost of others; of few trials none can say how exact a law is
         left = left_over(explained, ROUGH if few else refitted.inexact)
         if gain >= max(option.enough, error, left):
-            found.append(Rival(option.name, gain, error, refitted))
+            found.append(Rival(option.name, gain, error, refitted.let_go(), left))
     return tuple(sorted(found, key=lambda r: -r.gain))
 
 
@@ -165,11 +169,10 @@ def law_options(account: Account, nothing: Account) -> list[Option]:
     wanted = templates(fit.trials, account.names)
     # of fewer trials none can say how exact a law is
     inexact = account.inexact or (INEXACT if len(fit.trials) >= FEWEST_HELD_OUT else 0.0)
-    known, precision = replace(account, inexact=inexact).columns
-    added = [settled_columns(fit, j, wanted) for j in range(len(fit.trials))]
-    columns = [np.column_stack(both) for both in zip(known, added, strict=True)]
-    present = len(precision)
-    grams = gram(fit, columns, np.append(precision, np.zeros(len(wanted))))
+    known = replace(account, inexact=inexact)
+    present = len(known.precision)
+    columns = (np.hstack([known.columns(j), settled_columns(fit, j, wanted)]) for j in range(len(fit.trials)))
+    grams = gram(fit, columns, np.append(known.precision, np.zeros(len(wanted))))
     before = predictive_deviance(grams, range(present))
     total = grams.total()
     best: dict[str, list[tuple[float, int, float]]] = {}

@@ -19,18 +19,20 @@ MOST_WINDOWS = 10
 def servo_named(diagnosis: Diagnosis) -> bool:
     """Whether another servo is seen in the position channel, and explains most of what differs there.
 
-    A servo whose frequency stays unknown explains nothing: the drive is no such servo. One that lags by no more than
-    half a sample beyond the rig file's, within two errors, can't be told from an output that steps once a sample.
+    A servo whose frequency stays unknown explains nothing: the drive is no such servo. One that lags by up to half a
+    sample beyond the rig file's, within two errors, can't be told from an output that steps once a sample; none makes
+    it lag less.
     """
     position = diagnosis.position
     (wn, zeta), rate_hz = diagnosis.intake.servo, min(t.sample_rate_hz for t in diagnosis.intake.trials)
-    lag_s, usual_s = 2.0 * zeta / wn, 2.0 * DEFAULT_DAMPING_RATIO / DEFAULT_NATURAL_FREQUENCY_RAD_S
+    lag_s = 2.0 * zeta / wn
+    later_s = lag_s - 2.0 * DEFAULT_DAMPING_RATIO / DEFAULT_NATURAL_FREQUENCY_RAD_S
     return (
         position is not None
         and position.p_value <= LEVEL
         and position.explained >= SERVO_EXPLAINS
         and position.standard_errors[0] < SERVO_KNOWN
-        and abs(lag_s - usual_s) > 0.5 / rate_hz + TWO_ERRORS * lag_s * position.standard_errors[0]
+        and max(-later_s, later_s - 0.5 / rate_hz) > TWO_ERRORS * lag_s * position.standard_errors[0]
     )
 
 

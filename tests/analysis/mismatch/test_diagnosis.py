@@ -10,10 +10,15 @@ import pytest
 
 from analysis.errors import BadInputError
 from analysis.mismatch.diagnosis import Diagnosis, diagnose
+from analysis.mismatch.evidence.account import inexact_columns, law_effects
+from analysis.mismatch.levels import INEXACT
+from analysis.mismatch.name.finding import weighed
+from analysis.mismatch.name.search import Rival
 from analysis.mismatch.report.contents import Report
 from analysis.mismatch.report.verdict import kept_findings, make_report
 from analysis.mismatch.study.intake import take_in_memory
 from analysis.recordings.trial import Trial
+from analysis.simulation.mechanism import library
 
 sys.path.append(str(Path(__file__).parents[2]))
 from bench_trials import bench_trials
@@ -107,19 +112,54 @@ def test_a_hum_is_a_line_that_is_taken_out_and_named() -> None:
     assert report.mechanisms[0].parameters["amplitude_mn"].value == pytest.approx(0.3, rel=0.15)
 
 
-def test_names_that_explain_less_than_is_left_are_not_said() -> None:
-    found = _diagnose('name = "coulomb_friction"\nforce_mn = 1.0')
-    assert kept_findings(found)
-    much = replace(found.remainder, common=1e3, share=0.9)
-    beside = replace(found, remainder=much)
+def test_a_servo_that_lags_less_than_the_rig_file_s_is_named() -> None:
+    # no output that steps and no converter lags less than it should
+    text = 'name = "servo_bandwidth"\nnatural_frequency_rad_s = 6300.0\ndamping_ratio = 1.06'
+    report = _report(_diagnose(text))
+    assert [m.name for m in report.mechanisms] == ["servo_bandwidth"]
+    found = report.mechanisms[0].parameters["natural_frequency_rad_s"]
+    assert abs(2.0 * report.mechanisms[0].parameters["damping_ratio"].value / found.value - 3.365e-4) < 4e-5
+
+
+@pytest.fixture(scope="module")
+def rubbing() -> Diagnosis:
+    """A bench with a dry bearing."""
+    return _diagnose('name = "coulomb_friction"\nforce_mn = 1.0')
+
+
+def test_a_law_that_acts_a_little_late_is_expected_to(rubbing: Diagnosis) -> None:
+    fit = rubbing.improved.exact.fit
+    trial, (effect, *_) = fit.trials[0], law_effects(fit, 0)
+    late = np.interp(trial.time_s - 1e-4, trial.time_s, effect) - effect
+    columns = inexact_columns(fit, 0)
+    of_it = np.linalg.lstsq(columns, late, rcond=None)[0]
+    assert np.linalg.norm(late - columns @ of_it) < 0.2 * np.linalg.norm(late)
+    assert np.all(np.abs(of_it) < 3 * INEXACT)
+
+
+def test_what_laws_are_expected_to_leave_over_is_hardly_a_name(rubbing: Diagnosis) -> None:
+    mechanism = library()["arm_inertia"]
+    said = [
+        weighed(mechanism, [Rival("arm_inertia", 100.0, 5.0, rubbing.improved, left)], ())[0]
+        for left in (0.0, 10.0, 100.0, 1000.0)
+    ]
+    assert said == sorted(said, reverse=True)
+    assert said[0] > 0.999
+    assert said[2] == pytest.approx(1.0 / (1.0 + np.exp(-1.0)))
+
+
+def test_names_that_explain_less_than_is_left_are_not_said(rubbing: Diagnosis) -> None:
+    assert kept_findings(rubbing)
+    much = replace(rubbing.remainder, common=1e3, share=0.9)
+    beside = replace(rubbing, remainder=much)
     assert kept_findings(beside) == ()
     report = _report(beside)
     assert report.verdict == "unknown"
     assert report.mechanisms == ()
     assert report.improved_parameters == report.baseline_parameters
     # right to a third: what the law gains by being granted to be off it does not explain
-    assert kept_findings(replace(found, remainder=replace(found.remainder, inexact=0.2))) == ()
-    pinned = replace(found, findings=tuple(replace(f, at_bound=True) for f in found.findings))
+    assert kept_findings(replace(rubbing, remainder=replace(rubbing.remainder, inexact=0.2))) == ()
+    pinned = replace(rubbing, findings=tuple(replace(f, at_bound=True) for f in rubbing.findings))
     assert _report(pinned).verdict == "unknown"
     assert any("limit of its range" in note for note in _report(pinned).notes)
 

@@ -87,21 +87,30 @@ def step_shape(trial: CellTrial, time_s: float, rise_s: float) -> FloatArray:
     return np.asarray((integral(since + half) - integral(since - half)) / (2.0 * half))
 
 
-def candidate_times(trial: CellTrial, phases: Sequence[str]) -> FloatArray:
-    """Return times at rest in contact where a step may lie, evenly spread, no finer than the cells.
+def at_rest(trial: CellTrial, phases: Sequence[str]) -> FloatArray:
+    """Return from when to when (P, 2) a step may lie in each phase, s.
 
-    A step must be seen to stay: at the very end of a phase it is one of the motion that follows.
+    It must be seen to stay: at the very end of a phase it is one of the motion that follows.
     """
-    found = []
+    spans = []
     for name in phases:
         cells = np.flatnonzero(trial.in_phase(name))
         if len(cells) > 4:
-            inside = trial.time_s[cells[2:-2]]
-            found.append(inside[inside < inside[-1] - AFTER * (inside[-1] - inside[0])])
-    if not found:
-        return np.zeros(0)
-    every = np.concatenate(found)
-    total = float(sum(f[-1] - f[0] for f in found))
+            first, last = trial.time_s[cells[[2, -3]]]
+            spans.append((first, last - AFTER * (last - first)))
+    return np.array(spans).reshape(-1, 2)
+
+
+def within(spans: FloatArray, times: FloatArray) -> FloatArray:
+    """Return those of some times (T,) that lie in one of the spans (P, 2)."""
+    return times[((times[:, None] >= spans[:, 0]) & (times[:, None] < spans[:, 1])).any(axis=1)]
+
+
+def candidate_times(trial: CellTrial, phases: Sequence[str]) -> FloatArray:
+    """Return times at rest in contact where a step may lie, evenly spread, no finer than the cells."""
+    spans = at_rest(trial, phases)
+    every = within(spans, trial.time_s)
+    total = float(np.diff(spans).sum())
     times, last = [], -np.inf
     for t in every:
         if t - last >= total / MOST_TIMES:
@@ -146,6 +155,7 @@ def _refined(
 
     All times are looked at with the first form, the others about the best time.
     """
+    spans = at_rest(fit.trials[j], event.phases)
     places = np.vstack([times, np.zeros(len(times))])
     a, c = _scores(fit, j, event, times, 0)
     gap = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
@@ -155,7 +165,7 @@ def _refined(
         best = places[:, np.argsort(-(c**2) / np.maximum(a, 1e-12))[: REFINED if width > 0.1 else 1]]
         forms = range(len(event.forms)) if width > FINER[-2] else np.unique(best[1].astype(int))
         fine = np.unique(np.concatenate([b + gap * width * np.linspace(-1.0, 1.0, 6) for b in best[0]]))
-        fine = np.clip(fine, times[0], times[-1])
+        fine = within(spans, fine)
         for form in forms:
             fine_a, fine_c = _scores(fit, j, event, fine, form)
             places = np.hstack([places, np.vstack([fine, np.full(len(fine), form)])])

@@ -36,13 +36,14 @@ class Account:
     """A fitted simulation; ``steps`` are the kinds of events and oscillations in it, ``cost`` (n,) their price in nats.
 
     That price is what it takes to have looked for them at every time or frequency. ``inexact`` is the share
-    of their size by which its laws may be off.
+    of their size by which its laws may be off, ``granted`` the nats that this brought.
     """
 
     fit: StudyFit
     steps: tuple[str, ...] = ()
     cost: float = 0.0
     inexact: float = 0.0
+    granted: float = 0.0
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -136,8 +137,11 @@ class Account:
             if rough.evidence.sum() <= best.evidence.sum():
                 break
             best = rough
+        if best is exact:
+            return exact
         # what is linear need not be refitted to be weighed
-        return best if best is exact else best.at_noise(best.fit.noise)
+        granted = float(best.evidence.sum() - exact.evidence.sum())
+        return replace(best.at_noise(best.fit.noise), granted=granted)
 
     @property
     def exact(self) -> Account:
@@ -146,7 +150,7 @@ class Account:
             return self
         kept = [[k for k, x in enumerate(s.shapes) if x.kind != INEXACT_KIND] for s in self.fit.states]
         states = tuple(_kept(s, k) for s, k in zip(self.fit.states, kept, strict=True))
-        return replace(self, fit=replace(self.fit, states=states), inexact=0.0)
+        return replace(self, fit=replace(self.fit, states=states), inexact=0.0, granted=0.0)
 
     def at_noise(self, noise: NoiseModel) -> Account:
         """Return the account refitted with another noise."""

@@ -72,18 +72,12 @@ def remainder_of(account: Account, nothing: Account) -> Remainder:
     if trend.significant and trend.evidence > best.evidence:
         explained = max(account.gain_over(nothing)[0], 0.0)
         best = replace(best, share=trend.evidence / (trend.evidence + explained))
-    return replace(best, bursts=bursts, trend=trend, inexact=_inexact_share(account, bare))
+    return replace(best, bursts=bursts, trend=trend, inexact=_granted_share(account, bare))
 
 
-def _inexact_share(account: Account, bare: Account) -> float:
-    """Return what part of an account's evidence over a bare one comes of granting that its laws are off.
-
-    All are weighed by one noise, the bare one's and the account's.
-    """
-    if not account.inexact:
-        return 0.0
-    all_of_it = account.gain_over(bare)[0]
-    return account.gain_over(account.exact.at_noise(bare.fit.noise))[0] / max(all_of_it, 1e-12)
+def _granted_share(account: Account, bare: Account) -> float:
+    """Return what part of an account's evidence over a bare one comes of granting that its laws are off."""
+    return account.granted / max(account.gain_over(bare)[0], 1e-12) if account.inexact else 0.0
 
 
 def find_transients(fit: StudyFit) -> Bursts:

@@ -41,6 +41,18 @@ class Law:
         """The parameters that are fitted."""
         return tuple(p for p in self.mechanism.parameters if p.name in self.free)
 
+    @property
+    def size(self) -> Parameter:
+        """The parameter that tells how large the effect is."""
+        whole = self.mechanism.parameter(self.mechanism.amplitude)
+        return whole if whole.name in self.free else self.parameters[0]
+
+    @property
+    def is_nothing(self) -> bool:
+        """Whether the effect has no size: nothing follows from its being there."""
+        p = self.size
+        return p.to_fit(self.values[p.name]) == p.to_fit(self.mechanism.null[p.name])
+
 
 @dataclass(frozen=True)
 class OwnShape:

@@ -138,9 +138,7 @@ def at_bound(law: Law) -> bool:
     away = np.abs(values - centre)[:-1] * np.sqrt(precision[:-1])
     if np.any(away[inner] > STRETCHED):
         return True
-    p = law.mechanism.parameter(law.mechanism.amplitude)
-    if p.name not in law.free:
-        p = law.parameters[0]
+    p = law.size
     value, ends = p.to_fit(law.values[p.name]), sorted((p.to_fit(p.lower), p.to_fit(p.upper)))
     null = p.to_fit(law.mechanism.null[p.name])
     near = 1e-6 * max(1.0, abs(value))

@@ -19,6 +19,7 @@ from analysis.mismatch.levels import (
     ENOUGH_SHARED,
     FEWEST_HELD_OUT,
     INEXACT,
+    KEPT,
     MOST_EFFECTS,
     REFITTED,
     ROUGH,
@@ -117,13 +118,15 @@ def considered(account: Account, nothing: Account) -> tuple[Rival, ...]:
         most_mn = (1.0 + INEXACT) * account.fit.left_mn
         refits = ((option, option.refit().reweighed()) for option in options[name])
         fits = next(((o, r) for o, r in refits if r.fit.left_mn <= most_mn), None)
-        if fits is None:
+        if fits is None or any(law.is_nothing for law in fits[1].fit.shared.laws):
             continue
         option, refitted = fits
         gain, error = refitted.gain_over(account)
         # a gain below its error is one trial's, at the cost of others; of few trials none can say how exact a law is
         left = left_over(explained, ROUGH if few else refitted.inexact)
-        if gain >= max(option.enough, error, left):
+        # nor does an effect explain what it gains by granting that laws are off
+        its_own = gain - max(refitted.granted - account.granted, 0.0)
+        if gain >= max(option.enough, error, left) and its_own >= KEPT * gain:
             found.append(Rival(option.name, gain, error, refitted.let_go(), left))
     return tuple(sorted(found, key=lambda r: -r.gain))
 

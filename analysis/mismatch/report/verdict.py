@@ -75,12 +75,17 @@ def kept_findings(diagnosis: Diagnosis) -> tuple[Finding, ...]:
     """Return the findings that stand: not at a bound, and together most of what is explainable.
 
     Where more is left than they explain they are the nearest laws to something else, and their names would mislead.
-    So are laws that explain because they are granted to be off: one that is right to a third leaves a tenth.
+    So are laws that explain because they are granted to be off: one that is right to a third leaves a tenth. A step in
+    every trial anew fits whatever happens there once: it must leave no more than a law's inexactness.
     """
     left = diagnosis.remainder.share if diagnosis.remainder.significant else 0.0
     if left > 1.0 - KEPT or diagnosis.remainder.inexact > SMALL_SHARE:
         return ()
-    return tuple(f for f in diagnosis.findings if not f.at_bound)
+    return tuple(
+        f
+        for f in diagnosis.findings
+        if not f.at_bound and (f.mechanism.form != "event" or left <= SMALL_SHARE)
+    )
 
 
 def _verdict(

@@ -12,12 +12,14 @@ from analysis.errors import BadInputError
 from analysis.mismatch.diagnosis import Diagnosis, diagnose
 from analysis.mismatch.evidence.account import inexact_columns, law_effects
 from analysis.mismatch.levels import INEXACT
+from analysis.mismatch.model.dictionary import templates
+from analysis.mismatch.name.events import at_rest, candidate_times, within
 from analysis.mismatch.name.finding import weighed
 from analysis.mismatch.name.search import Rival
 from analysis.mismatch.report.contents import Report
 from analysis.mismatch.report.verdict import kept_findings, make_report
 from analysis.mismatch.study.intake import take_in_memory
-from analysis.recordings.trial import Trial
+from analysis.recordings.trial import PHASE_NAMES, Trial
 from analysis.simulation.mechanism import library
 
 sys.path.append(str(Path(__file__).parents[2]))
@@ -137,6 +139,23 @@ def test_a_law_that_acts_a_little_late_is_expected_to(rubbing: Diagnosis) -> Non
     assert np.all(np.abs(of_it) < 3 * INEXACT)
 
 
+def test_steps_are_looked_for_at_rest_only(rubbing: Diagnosis) -> None:
+    trial = rubbing.improved.fit.trials[0]
+    times = within(at_rest(trial, ("dwell", "hold")), trial.time_s)
+    phases = {PHASE_NAMES[code] for code in trial.phase[np.isin(trial.time_s, times)]}
+    assert phases == {"dwell", "hold"}
+    for phase in phases:
+        every = trial.time_s[trial.in_phase(phase)]
+        assert 0.02 < (every[-1] - times[times <= every[-1]][-1]) / (every[-1] - every[0]) < 0.05
+    assert set(candidate_times(trial, ("dwell", "hold"))) <= set(times)
+
+
+def test_a_law_of_no_size_is_nothing() -> None:
+    law = next(t for t in templates(take_in_memory(_study()).trials) if t.name == "adhesion").as_law(1.0)
+    assert not law.is_nothing
+    assert replace(law, values=law.mechanism.null).is_nothing
+
+
 def test_what_laws_are_expected_to_leave_over_is_hardly_a_name(rubbing: Diagnosis) -> None:
     mechanism = library()["arm_inertia"]
     said = [
@@ -157,6 +176,12 @@ def test_names_that_explain_less_than_is_left_are_not_said(rubbing: Diagnosis) -
     assert report.verdict == "unknown"
     assert report.mechanisms == ()
     assert report.improved_parameters == report.baseline_parameters
+    # a fifth is left: a law may stand beside something else, a step in every trial anew would stand for it
+    some = replace(rubbing, remainder=replace(rubbing.remainder, common=1e3, share=0.2))
+    assert kept_findings(some) == rubbing.findings
+    steps = tuple(replace(f, mechanism=library()["slip"]) for f in rubbing.findings)
+    assert kept_findings(replace(some, findings=steps)) == ()
+    assert kept_findings(replace(rubbing, findings=steps)) == steps
     # right to a third: what the law gains by being granted to be off it does not explain
     assert kept_findings(replace(rubbing, remainder=replace(rubbing.remainder, inexact=0.2))) == ()
     pinned = replace(rubbing, findings=tuple(replace(f, at_bound=True) for f in rubbing.findings))

@@ -16,8 +16,11 @@ from analysis.simulation.cells import CellTrial
 FloatArray = NDArray[np.float64]
 
 MOST_TIMES = 70
-SLIPS_S, SHIFTS_S = (0.004, 0.012), (0.012, 0.004, 0.04, 0.12)
-"""How long a step may take: a slip is over within milliseconds, skin is soft."""
+SLIPS_S, SHIFTS_S = (0.006, 0.002), (0.015, 0.045, 0.135)
+"""How long a step may take: a slip is over within milliseconds, skin that shifts is soft and takes ten or more.
+
+By nothing else is a drop for which the surface gives way told from a shift away from the arm.
+"""
 STRETCH = 1.5
 """The ratio of neighbouring rises, at most: what lies between them is left to a shape of its own."""
 SHARES = np.array([0.1, 0.2, 0.35, 0.5, 0.7, 0.9, 0.999])

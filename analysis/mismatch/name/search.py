@@ -118,9 +118,11 @@ def considered(account: Account, nothing: Account) -> tuple[Rival, ...]:
         most_mn = (1.0 + INEXACT) * account.fit.left_mn
         refits = ((option, option.refit().reweighed()) for option in options[name])
         fits = next(((o, r) for o, r in refits if r.fit.left_mn <= most_mn), None)
-        if fits is None or any(law.is_nothing for law in fits[1].fit.shared.laws):
+        if fits is None:
             continue
         option, refitted = fits
+        if any(law.is_nothing for law in refitted.fit.shared.laws if law.name == name):
+            continue
         gain, error = refitted.gain_over(account)
         # a gain below its error is one trial's, at the cost of others; of few trials none can say how exact a law is
         left = left_over(explained, ROUGH if few else refitted.inexact)

@@ -33,6 +33,8 @@ from rig.protocols.steps import Plan
 from rig.settings.rig_file import RigFile
 
 _WIDTHS = (34, 62, 48, 40, 94, 60, 46, 46)
+_FOLDER = "study folder"
+"""Key of the job that reads what the study's folder holds."""
 
 
 class StudyPage(QWidget):
@@ -93,6 +95,7 @@ class StudyPage(QWidget):
         self._habits.used_protocol(self.protocol)
         self._shown_trial = ""
         self._seen.clear()
+        self._worker.forget(_FOLDER)  # plans name their trials alike: another folder's are not this one's
         self.table.load(loaded.plan.trials)
         self.fit_panel.clear()
         say(
@@ -108,7 +111,7 @@ class StudyPage(QWidget):
         """Read what the study's folder holds, in the worker."""
         if self.out is not None and self.out.is_dir():
             self._worker.ask(
-                "the study's folder", _headers, str(self.out), then=self._take_headers, key="study folder"
+                "the study's folder", _headers, str(self.out), then=self._take_headers, key=_FOLDER
             )
 
     def show_state(self, state: BenchState) -> None:

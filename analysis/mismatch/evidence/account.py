@@ -131,17 +131,20 @@ class Account:
         exact = exact.at_noise(noise_left(exact.fit))
         if not exact.fit.shared.laws or len(exact.fit.trials) < FEWEST_HELD_OUT:
             return exact
-        best = exact
-        for share in (INEXACT, ROUGH):
-            rough = replace(exact, fit=with_inexactness(exact.fit, share), inexact=share)
-            if rough.evidence.sum() <= best.evidence.sum():
-                break
-            best = rough
-        if best is exact:
+        rough = exact.inexact_to(INEXACT)
+        if rough.evidence.sum() <= exact.evidence.sum():
             return exact
-        # what is linear need not be refitted to be weighed
+        # what laws leave over by being off has passed for slow noise until here
+        rough = rough.at_noise(noise_left(rough.fit.with_states()))
+        best = max(rough, rough.inexact_to(ROUGH), key=lambda account: float(account.evidence.sum()))
+        if best is not rough:
+            best = best.at_noise(best.fit.noise)
         granted = float(best.evidence.sum() - exact.evidence.sum())
-        return replace(best.at_noise(best.fit.noise), granted=granted)
+        return replace(best, granted=granted)
+
+    def inexact_to(self, share: float) -> Account:
+        """Return the account with its laws granted to be off by a share; what is linear need not be refitted."""
+        return replace(self, fit=with_inexactness(self.fit, share), inexact=share)
 
     @property
     def exact(self) -> Account:

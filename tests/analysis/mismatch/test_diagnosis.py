@@ -10,7 +10,9 @@ import pytest
 
 from analysis.errors import BadInputError
 from analysis.mismatch.diagnosis import Diagnosis, diagnose
-from analysis.mismatch.evidence.account import inexact_columns, law_effects
+from analysis.mismatch.evidence.account import Account, inexact_columns, law_effects
+from analysis.mismatch.fit.baseline import noise_left
+from analysis.mismatch.fit.slow_noise import change_in_a_second
 from analysis.mismatch.levels import INEXACT
 from analysis.mismatch.model.dictionary import templates
 from analysis.mismatch.name.events import at_rest, candidate_times, within
@@ -137,6 +139,21 @@ def test_a_law_that_acts_a_little_late_is_expected_to(rubbing: Diagnosis) -> Non
     of_it = np.linalg.lstsq(columns, late, rcond=None)[0]
     assert np.linalg.norm(late - columns @ of_it) < 0.2 * np.linalg.norm(late)
     assert np.all(np.abs(of_it) < 3 * INEXACT)
+
+
+def test_what_a_law_leaves_over_is_no_slow_noise(rubbing: Diagnosis) -> None:
+    """Of a bearing that is another one in every trial; the noise of the bench is white."""
+    exact, random = rubbing.improved.exact, np.random.default_rng(5)
+    trials = []
+    for j, trial in enumerate(exact.fit.trials):
+        off = 0.2 * random.normal() * law_effects(exact.fit, j)[0]
+        at_s = np.arange(len(trial.full_force_mn)) / trial.sample_rate_hz
+        full = trial.full_force_mn + np.interp(at_s, trial.time_s, off)
+        trials.append(replace(trial, force_mn=trial.force_mn + off, full_force_mn=full.astype(np.float32)))
+    account = Account(replace(exact.fit, trials=tuple(trials))).reweighed()
+    assert account.inexact > 0.0
+    assert change_in_a_second(account.fit.noise.parts) < 0.02
+    assert change_in_a_second(noise_left(account.exact.fit).parts) > 0.1
 
 
 def test_steps_are_looked_for_at_rest_only(rubbing: Diagnosis) -> None:

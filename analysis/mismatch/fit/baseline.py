@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from analysis.errors import BadInputError
 from analysis.mismatch.fit.noise import NoiseModel, measure_noise
 from analysis.mismatch.fit.slow_noise import with_slow_noise
-from analysis.mismatch.fit.start import start_rigid, start_tissue
+from analysis.mismatch.fit.start import longest_s, start_rigid, start_tissue
 from analysis.mismatch.fit.study_fit import StudyFit, all_equal
 from analysis.mismatch.fit.whitener import Whitener
 from analysis.mismatch.levels import FEWEST_HELD_OUT
@@ -51,7 +51,7 @@ def fit_baseline(trials: Sequence[CellTrial], *, ideal_step: bool = False) -> St
         noise,
         shared,
         states,
-        Population.weak(mean),
+        Population.weak(mean, longest_s(trials)),
     )
     for _ in range(NOISE_ROUNDS):
         fit = fit.with_population()
@@ -74,7 +74,9 @@ def begun_anew(fit: StudyFit) -> StudyFit:
     except BadInputError:
         return fit
     states = tuple(replace(s, log_tissue=mean) if s.has_tissue else s for s in fit.states)
-    return replace(fit, states=states, population=Population.weak(mean)).with_population(1)
+    return replace(
+        fit, states=states, population=Population.weak(mean, longest_s(fit.trials))
+    ).with_population(1)
 
 
 def _with_block(trial: CellTrial, state: TrialState, shared: Shared) -> TrialState:

@@ -148,7 +148,8 @@ def fit_laws(fit: StudyFit, rounds: int = ROUNDS) -> StudyFit:
             # the most that a step can gain, were nothing bounded
             if float((b / scale) @ np.linalg.solve(C, b / scale)) < DONE:
                 break
-            tried = _stepped(fit, bounded_step(fit.shared, C, b / scale, scale))
+            room = fit.population.lowest - fit.population.mean
+            tried = _stepped(fit, bounded_step(fit.shared, C, b / scale, scale, room))
             new = cost(tried)
             if new < now:
                 gained = now - new
@@ -160,19 +161,23 @@ def fit_laws(fit: StudyFit, rounds: int = ROUNDS) -> StudyFit:
     return fit
 
 
-def bounded_step(shared: Shared, C: FloatArray, b: FloatArray, scale: FloatArray) -> FloatArray:
+def bounded_step(
+    shared: Shared, C: FloatArray, b: FloatArray, scale: FloatArray, room: FloatArray
+) -> FloatArray:
     """Return the step (5 + P,) nearest to C (step * scale) = b, C positive definite, that keeps within all bounds.
+
+    ``room`` (5,) is how far down the tissue may go.
 
     Stopped at a bound after the others' step was found, a parameter would leave them where none of them alone should go
     (Stark and Parker, Comput. Stat. 10:129, 1995).
     """
     L = np.linalg.cholesky(C)
-    lower, upper = _largest_steps(shared)
+    lower, upper = _largest_steps(shared, room)
     solved = lsq_linear(L.T, np.linalg.solve(L, b), (lower * scale, upper * scale), method="bvls")
     return np.asarray(solved.x / scale)
 
 
-def _largest_steps(shared: Shared) -> tuple[FloatArray, FloatArray]:
+def _largest_steps(shared: Shared, room: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return how far down and up (5 + P,) tissue and free parameters may go in one step."""
     values = vector(shared)
     ends = [sorted((p.to_fit(p.lower), p.to_fit(p.upper))) for law in shared.laws for p in law.parameters]
@@ -183,15 +188,18 @@ def _largest_steps(shared: Shared) -> tuple[FloatArray, FloatArray]:
     upper = np.maximum(np.minimum(np.array([e[1] for e in ends]) - values, most), 0.0)
     tissue = np.full(TISSUE_SIZE, LARGEST_TISSUE_STEP)
     # a parameter without room on either side would leave nothing between its bounds
-    return np.concatenate([-tissue, lower - NO_ROOM]), np.concatenate([tissue, upper + NO_ROOM])
+    lowest = np.concatenate([np.minimum(np.maximum(room, -tissue), 0.0), lower]) - NO_ROOM
+    return lowest, np.concatenate([tissue, upper + NO_ROOM])
 
 
 def _stepped(fit: StudyFit, step: FloatArray) -> StudyFit:
     """Return the fit with its shared parameters moved by a step, own parameters following."""
-    mean = fit.population.mean + step[:TISSUE_SIZE]
+    lowest, tissue = fit.population.lowest, step[:TISSUE_SIZE]
+    mean = np.maximum(fit.population.mean + tissue, lowest)
     shared = at_vector(fit.shared, vector(fit.shared) + step[TISSUE_SIZE:])
     states = tuple(
-        replace(s, log_tissue=s.log_tissue + step[:TISSUE_SIZE]) if s.has_tissue else s for s in fit.states
+        replace(s, log_tissue=np.maximum(s.log_tissue + tissue, lowest)) if s.has_tissue else s
+        for s in fit.states
     )
     population = replace(fit.population, mean=mean)
     return replace(fit, shared=shared, states=states, population=population).with_states(rounds=5, near=fit)

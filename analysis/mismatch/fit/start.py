@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from analysis.errors import BadInputError
+from analysis.mismatch.model.population import PARTS_RESOLVED
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.forward import RIGID_STIFFNESS_MN_PER_MM, indentation
 from analysis.simulation.mechanism import Tissue
@@ -31,8 +32,8 @@ def start_tissue(
     if not used:
         return Tissue(120.0, 44.0, 2.3, 35.0, 0.15)
     skin = [trials[j] for j in used]
-    longest = max(float(t.time_s[-1] - t.time_s[0]) for t in skin)
-    taus = np.geomspace(longest / 2000.0, longest, 9)
+    longest = longest_s(skin)
+    taus = np.geomspace(longest / PARTS_RESOLVED, longest, 9)
     depths = [indentation(t.position_mm, contacts_mm[j], t) for j, t in zip(used, skin, strict=True)]
     weights = [np.sqrt(t.counts) * (t.fitted & ~t.retracting) for t in skin]
     y = np.concatenate([forces_mn[j] * w for j, w in zip(used, weights, strict=True)])
@@ -61,6 +62,11 @@ def start_tissue(
     k, long_s, short_s = found
     floor = 1e-3 * float(np.max(k))
     return Tissue(max(k[0], floor), max(k[2], floor), float(long_s), max(k[1], floor), float(short_s))
+
+
+def longest_s(trials: Sequence[CellTrial]) -> float:
+    """Return how long the longest of the trials lasts, s."""
+    return max(float(t.time_s[-1] - t.time_s[0]) for t in trials)
 
 
 def start_rigid(trials: Sequence[CellTrial]) -> float:

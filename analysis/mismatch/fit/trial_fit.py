@@ -59,15 +59,12 @@ def fit_trial(
     else:
         residual = own.residual
         now = float(residual @ residual) + penalty(state, population)
-    damping, old, contact = 1e-6, near, int(trial.frees_offset)
+    damping, old = 1e-6, near
     for _ in range(rounds):
         gradient = own.columns.T @ residual + own.pull_at(state, population)
         H = own.information
         damped = H + damping * np.diag(np.maximum(np.diag(H), 1e-12))
-        step = np.linalg.solve(damped, gradient)
-        if trial.touches and state.z0_mm + step[contact] < trial.highest_contact_mm:
-            # there the contact stays, and the others go where they should beside it
-            step = with_fixed(damped, gradient, contact, trial.highest_contact_mm - state.z0_mm)
+        step = bounded(damped, gradient, room_below(trial, state, own, population))
         if float(step @ gradient) < DONE:
             break
         tried = moved(state, trial, limited(trial, own, step))
@@ -90,11 +87,27 @@ def fit_trial(
     return state, now
 
 
-def with_fixed(H: FloatArray, gradient: FloatArray, at: int, value: float) -> FloatArray:
-    """Return x (q,) of H x = gradient in all components but one, which is given."""
-    others = np.arange(len(gradient)) != at
-    x = np.full(len(gradient), value)
-    x[others] = np.linalg.solve(H[np.ix_(others, others)], gradient[others] - H[others, at] * value)
+def room_below(trial: CellTrial, state: TrialState, own: OwnColumns, population: Population) -> FloatArray:
+    """Return how far down (q,) own parameters may go: a contact's approach and a tissue's arms have an end."""
+    room = np.full(own.n_own, -np.inf)
+    if trial.touches:
+        room[int(trial.frees_offset)] = trial.highest_contact_mm - state.z0_mm
+    if state.has_tissue:
+        room[own.tissue] = population.lowest - state.log_tissue
+    return room
+
+
+def bounded(H: FloatArray, gradient: FloatArray, room: FloatArray) -> FloatArray:
+    """Return x (q,) of H x = gradient; what would fall below its room stays there, the others follow it."""
+    x = np.asarray(np.linalg.solve(H, gradient), dtype=np.float64)
+    fixed = x < room
+    while np.any(x < room):
+        fixed |= x < room
+        x = np.where(fixed, room, 0.0)
+        free = ~fixed
+        x[free] = np.linalg.solve(
+            H[np.ix_(free, free)], gradient[free] - H[np.ix_(free, fixed)] @ room[fixed]
+        )
     return x
 
 

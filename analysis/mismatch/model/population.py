@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,23 +14,31 @@ WEAK = 0.5
 """Before anything is known a constant is known to half its logarithm: tissues of one kind differ by less."""
 PLAUSIBLE = 0.4
 """No population of skin scatters by more (published: 0.1 to 0.2): what would need it is something else than tissue."""
+TINY = 1e-300
 DECADE = 2.3
 """A mean is known to a decade before the trials were seen: constants that do not show must not run away."""
+PARTS_RESOLVED = 2000.0
+"""Nothing that relaxes in less of a recording is an arm of the tissue: over a ramp it would be a dashpot."""
+TIMES = [2, 4]
+"""Where the relaxation times stand among the log constants."""
 PRIOR_TRIALS = 2.0
 PRIOR_SCATTER = 0.02
 
 
 @dataclass(frozen=True)
 class Population:
-    """Mean (5,) and covariance (5, 5) of a tissue's log constants."""
+    """Mean (5,) and covariance (5, 5) of a tissue's log constants, and how small (5,) they can be at all."""
 
     mean: FloatArray
     covariance: FloatArray
+    lowest: FloatArray = field(default_factory=lambda: np.full(5, -np.inf))
 
     @staticmethod
-    def weak(mean: FloatArray) -> Population:
-        """Return a population that hardly says anything."""
-        return Population(mean, WEAK**2 * np.eye(len(mean)))
+    def weak(mean: FloatArray, recorded_s: float = 0.0) -> Population:
+        """Return a population that hardly says anything, of arms that recordings of such a length resolve."""
+        lowest = np.full(len(mean), -np.inf)
+        lowest[TIMES] = np.log(max(recorded_s, TINY) / PARTS_RESOLVED)
+        return Population(mean, WEAK**2 * np.eye(len(mean)), lowest)
 
     @property
     def precision(self) -> FloatArray:
@@ -62,8 +70,9 @@ def estimate(
             np.linalg.solve(total + np.eye(size) / DECADE**2, weighed + start.mean / DECADE**2),
             dtype=np.float64,
         )
+        mean = np.maximum(mean, start.lowest)
         D = means - mean
         scale = D.T @ D + C.sum(axis=0) + PRIOR_TRIALS * PRIOR_SCATTER**2 * np.eye(size)
         values, vectors = np.linalg.eigh(scale / (len(likelihoods) + PRIOR_TRIALS))
         covariance = (vectors * np.minimum(values, PLAUSIBLE**2)) @ vectors.T
-    return Population(mean, covariance)
+    return Population(mean, covariance, start.lowest)

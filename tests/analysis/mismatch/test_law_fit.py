@@ -31,9 +31,10 @@ def test_a_step_is_the_best_that_keeps_within_all_bounds(seed: int) -> None:
     wanted = np.concatenate([random.uniform(-0.7, 0.7, TISSUE_SIZE), random.normal(scale=(0.2, 0.2, 4.0))])
     y = X @ wanted
     scale = np.sqrt(np.sum(X**2, axis=0))
-    step = bounded_step(shared, (X.T @ X) / np.outer(scale, scale), (X.T @ y) / scale, scale)
+    room = np.append(np.full(TISSUE_SIZE - 1, -np.inf), -random.uniform(0.0, LARGEST_TISSUE_STEP))
+    step = bounded_step(shared, (X.T @ X) / np.outer(scale, scale), (X.T @ y) / scale, scale, room)
     tissue = np.full(TISSUE_SIZE, LARGEST_TISSUE_STEP)
-    lower = np.concatenate([-tissue, -now[:2], [-MOST_DELAY_SAMPLES]])
+    lower = np.concatenate([np.maximum(-tissue, room), -now[:2], [-MOST_DELAY_SAMPLES]])
     upper = np.concatenate([tissue, [np.inf, np.inf], [MOST_DELAY_SAMPLES]])
     best = minimize(
         lambda x: 0.5 * float(np.sum((X @ x - y) ** 2)),

@@ -22,6 +22,15 @@ def _likelihoods(scatter: float, n: int, error: float, seed: int) -> list[tuple[
     return found
 
 
+def test_no_arm_is_quicker_than_recordings_resolve() -> None:
+    # a hundred times quicker than a two thousandth of 20 s, as an arm is that stands for a dashpot
+    quick = MEAN - np.log(1e4) * np.array([0, 0, 0, 0, 1])
+    H = np.eye(5) / 0.01**2
+    found = estimate([(H, H @ quick)] * 20, Population.weak(MEAN, 20.0))
+    assert np.exp(found.mean[4]) == pytest.approx(0.01)
+    assert found.mean[:4] == pytest.approx(MEAN[:4], abs=1e-3)
+
+
 @pytest.mark.parametrize("scatter", [0.1, 0.2])
 def test_what_varies_is_estimated_as_varying(scatter: float) -> None:
     # 100 trials know a scatter to 7 %; the prior of two trials is 2 % of them. Five sigmas: false failures below 1e-5

@@ -15,7 +15,7 @@ from analysis.mismatch.levels import INEXACT, STRETCHED, TEMPER, TWO_ERRORS, WOR
 from analysis.mismatch.model.effects import TISSUE_SIZE, Law, Shared
 from analysis.mismatch.name.lines import Line
 from analysis.mismatch.name.search import Named, Rival
-from analysis.simulation.mechanism import Mechanism, library
+from analysis.simulation.mechanism import Mechanism, Parameter, library
 
 FloatArray = NDArray[np.float64]
 
@@ -111,6 +111,8 @@ def weighed(
     for r in rivals:
         if r.name == mechanism.name or r.name in present or r.name not in library():
             continue
+        if any(at_bound(law) for law in r.account.fit.shared.laws if law.name == r.name):
+            continue
         behind = own.account.evidence - r.account.evidence
         lead, error = float(behind.sum()), float(np.std(behind) * np.sqrt(len(behind)))
         logits[r.name] = -max(lead - INEXACT * own.gain, 0.0) / temperature
@@ -128,21 +130,23 @@ def weighed(
 
 
 def at_bound(law: Law) -> bool:
-    """Whether a law's size, or what it is like within, ended far from the textbook: it is not the right one.
-
-    A size has its limits; an inner parameter was known to a spread beforehand.
-    """
+    """Whether what a law is like ended at a limit, or within it far from the textbook: it is not the right one."""
     precision, centre = law_prior([law])
     values = vector(Shared((law,)))
     inner = [p.inner for p in law.parameters]
     away = np.abs(values - centre)[:-1] * np.sqrt(precision[:-1])
     if np.any(away[inner] > STRETCHED):
         return True
-    p = law.size
-    value, ends = p.to_fit(law.values[p.name]), sorted((p.to_fit(p.lower), p.to_fit(p.upper)))
-    null = p.to_fit(law.mechanism.null[p.name])
-    near = 1e-6 * max(1.0, abs(value))
-    return bool((value - ends[0] <= near and ends[0] != null) or ends[1] - value <= near)
+    return any(
+        _ended(p, law.values[p.name], law.mechanism.null[p.name]) for p in law.parameters if not p.inner
+    )
+
+
+def _ended(p: Parameter, value: float, null: float) -> bool:
+    """Whether a parameter lies at an end of its range at which its law is not nothing."""
+    here, ends = p.to_fit(value), sorted((p.to_fit(p.lower), p.to_fit(p.upper)))
+    near = 1e-6 * max(1.0, abs(here))
+    return (here - ends[0] <= near and ends[0] != p.to_fit(null)) or ends[1] - here <= near
 
 
 def law_sizes(account: Account, law: Law) -> dict[str, Quantity]:

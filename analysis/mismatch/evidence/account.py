@@ -26,7 +26,7 @@ PER_PHASE, SMOOTH = 6, 2
 """Shapes of a law's inexactness in every phase, and how many of them are free in every trial anew."""
 NEGLIGIBLE = 0.01
 SETTLES_S = 0.02
-"""A law may be off for such a time after a phase began."""
+"""What of a law comes at once when a phase begins is over in such a time."""
 KERNEL_S = 1e-3
 """And it may act through a kernel of such a length."""
 
@@ -219,8 +219,9 @@ def law_effects(fit: StudyFit, j: int) -> list[FloatArray]:
 def inexact_columns(fit: StudyFit, j: int) -> FloatArray:
     """Return what each law may leave over in every phase of the j-th trial (n, D), mN; coefficients about 0.1.
 
-    Its effect times smooth functions, and the first two moments of a kernel in time: a law that is right to a tenth may
-    act a little later and less at once. What it so leaves over is expected there, and no evidence for another.
+    Its effect times smooth functions, a part of it that comes at once when the phase begins, and the first two moments
+    of a kernel in time: a law that is right to a tenth may act a little sooner or later, and less or more at once. What
+    it so leaves over is expected there, and no evidence for another.
     """
     trial = fit.trials[j]
     columns = [np.zeros((len(trial.time_s), 0))]
@@ -236,7 +237,7 @@ def inexact_columns(fit: StudyFit, j: int) -> FloatArray:
                 # over what the law does there, not over time: it may act in a moment of the phase
                 done = np.cumsum(np.abs(mine) * trial.counts[inside])
                 u = 2.0 * done / max(float(done[-1]), 1e-300) - 1.0
-                settling = np.exp((t[0] - t) / SETTLES_S)
-                smooth = (mine, mine * u, mine * (1.5 * u**2 - 0.5), mine * settling)
-                columns[-1][inside] = np.column_stack((*smooth, late[inside], spread[inside]))
+                at_once = mine[np.argmax(np.abs(mine))] * np.exp((t[0] - t) / SETTLES_S)
+                smooth = (mine, mine * u, mine * (1.5 * u**2 - 0.5))
+                columns[-1][inside] = np.column_stack((*smooth, at_once, late[inside], spread[inside]))
     return np.hstack(columns)

@@ -30,9 +30,8 @@ class PositionFinding:
     """What position given command says.
 
     ``p_value`` of the servo's signature; ``explained`` share of the repeatable position mismatch, where a servo shows,
-    that another servo takes away; ``noise_mm`` rms of a sample; ``profile_mm`` (B,) mean residual by bin and ``bin_p``
-    its p-values;
-    ``standard_errors`` of ln(natural frequency) and ln(damping ratio).
+    that another servo takes away; ``noise_mm`` rms of a sample; ``profile_mm`` (B,) mean residual by bin without an
+    output's half sample, ``bin_p`` its p-values; ``standard_errors`` of ln(natural frequency) and ln(damping ratio).
     """
 
     p_value: float
@@ -68,27 +67,26 @@ def look_at_position(trials: Sequence[CellTrial], rng: np.random.Generator) -> P
     if not used:
         return None
     noise_mm = max(float(np.median([_noise_mm(t) for t in used])), 1e-6)
+    lefts = [_beside_calibration(t, noise_mm) for t in used]
+    later_s = _later_s(lefts, min(t.sample_rate_hz for t in used))
     scores, by_bin, grams, means, counts, laid, shown = [], [], [], [], [], [], np.zeros(OUTSIDE)
     squares, cells_in_all = 0.0, 0
-    for t in used:
-        weight = np.sqrt(t.counts) / noise_mm
-        x = t.command_mm - t.command_mm.mean()
-        A, _ = np.linalg.qr(np.column_stack([np.ones_like(x), x]) * weight[:, None])
-        stacked = np.column_stack([t.servo_residual_mm, t.servo_signature_mm]) * weight[:, None]
-        left = stacked - A @ (A.T @ stacked)
-        r, G = left[:, 0], left[:, 1:]
+    for t, left in zip(used, lefts, strict=True):
+        r, G = left[:, 0], left[:, 1:3]
+        unexplained = r + later_s * left[:, 3]
         squares, cells_in_all = squares + float(r @ r), cells_in_all + len(r)
         bins = bins_of(t)
         blocks = max(1, len(r) // BLOCK_CELLS) if len(used) < FEW_TRIALS else 1
         for part in np.array_split(np.arange(len(r)), blocks):
             scores.append(G[part].T @ r[part])
-            by_bin.append(np.bincount(bins[part], weights=r[part], minlength=OUTSIDE + 1)[:OUTSIDE])
+            by_bin.append(np.bincount(bins[part], weights=unexplained[part], minlength=OUTSIDE + 1)[:OUTSIDE])
         grams.append(G.T @ G)
         cells = np.bincount(bins, minlength=OUTSIDE + 1)[:OUTSIDE]
         by_cell = np.bincount(bins, weights=r, minlength=OUTSIDE + 1)[:OUTSIDE]
         laid.append(by_cell / np.sqrt(np.maximum(cells, 1)))
         shown += np.bincount(bins, weights=(G**2).sum(axis=1), minlength=OUTSIDE + 1)[:OUTSIDE]
-        means.append(np.bincount(bins, weights=r / weight * t.counts, minlength=OUTSIDE + 1)[:OUTSIDE])
+        mean_mm = unexplained * noise_mm * np.sqrt(t.counts)
+        means.append(np.bincount(bins, weights=mean_mm, minlength=OUTSIDE + 1)[:OUTSIDE])
         counts.append(np.bincount(bins, weights=t.counts, minlength=OUTSIDE + 1)[:OUTSIDE])
     gram = np.sum(grams, axis=0)
     total = np.sum(scores, axis=0)
@@ -118,6 +116,23 @@ def look_at_position(trials: Sequence[CellTrial], rng: np.random.Generator) -> P
         standard_errors=(float(errors[0]), float(errors[1])),
         strength=float(np.sqrt(max(gain, 0.0))),
     )
+
+
+def _beside_calibration(trial: CellTrial, noise_mm: float) -> FloatArray:
+    """Return residual, servo's signatures and velocity (n, 4) in noise, beside what offset and gain take up."""
+    weight = np.sqrt(trial.counts) / noise_mm
+    x = trial.command_mm - trial.command_mm.mean()
+    A, _ = np.linalg.qr(np.column_stack([np.ones_like(x), x]) * weight[:, None])
+    listed = (trial.servo_residual_mm, trial.servo_signature_mm, trial.velocity_mm_s)
+    stacked = np.column_stack(listed) * weight[:, None]
+    return np.asarray(stacked - A @ (A.T @ stacked))
+
+
+def _later_s(lefts: Sequence[FloatArray], rate_hz: float) -> float:
+    """Return how much later than its servo the position comes, at most the half sample of an output that steps, s."""
+    along = sum(float(left[:, 3] @ left[:, 3]) for left in lefts)
+    later = -sum(float(left[:, 0] @ left[:, 3]) for left in lefts)
+    return float(np.clip(later / max(along, 1e-30), 0.0, 0.5 / rate_hz))
 
 
 def bins_of(trial: CellTrial) -> NDArray[np.int64]:

@@ -156,7 +156,8 @@ def _refined(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return places (2, G: time and form), norms and weights (2, G), scores (G,), more densely about the best.
 
-    All times are looked at with the first form, the others about the best time.
+    All times are looked at with the first form, the others about the best time: which one it is shows where times lie
+    no further apart than a step takes.
     """
     spans = at_rest(fit.trials[j], event.phases)
     places = np.vstack([times, np.zeros(len(times))])
@@ -166,7 +167,7 @@ def _refined(
     promising = float(np.max(c**2 / np.maximum(a, 1e-12))) > PROMISING
     for width in FINER if promising else ():
         best = places[:, np.argsort(-(c**2) / np.maximum(a, 1e-12))[: REFINED if width > 0.1 else 1]]
-        forms = range(len(event.forms)) if width > FINER[-2] else np.unique(best[1].astype(int))
+        forms = range(len(event.forms)) if width > FINER[-1] else np.unique(best[1].astype(int))
         fine = np.unique(np.concatenate([b + gap * width * np.linspace(-1.0, 1.0, 6) for b in best[0]]))
         fine = within(spans, fine)
         for form in forms:

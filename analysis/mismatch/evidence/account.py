@@ -16,11 +16,12 @@ from analysis.mismatch.fit.noise import NoiseModel
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import FEWEST_HELD_OUT, INEXACT, ROUGH
 from analysis.mismatch.model.effects import Law, OwnShape, OwnShapes, TrialState, simulate
+from analysis.mismatch.model.population import OF_SITE
 from analysis.recordings.trial import PHASE_NAMES
 
 FloatArray = NDArray[np.float64]
 
-INEXACT_KIND = "inexact"
+INEXACT_KIND, SITE_KIND = "inexact", "site"
 SLOW_S = 0.06
 PER_PHASE, SMOOTH = 6, 2
 """Shapes of a law's inexactness in every phase, and how many of them are free in every trial anew."""
@@ -159,6 +160,25 @@ class Account:
         """Return the account refitted with another noise."""
         fit = self.fit.weighed_by(noise).with_population(1)
         return replace(self, fit=fit_laws(fit, rounds=3))
+
+
+def with_own_sizes(fit: StudyFit) -> StudyFit:
+    """Return the fit in which laws that are the skin's have a size of their own in every trial.
+
+    Of one or two trials none can say how it differs.
+    """
+    if len(fit.trials) < FEWEST_HELD_OUT:
+        return fit
+    states = []
+    for trial, state in zip(fit.trials, fit.states, strict=True):
+        of_site = [law for law in fit.shared.laws if law.mechanism.of_site and law.mechanism.applies(trial)]
+        shapes = [
+            OwnShape(law.name, "size", np.zeros(0), OF_SITE**2, kind=SITE_KIND)
+            for law in of_site
+            if law.name not in state.shapes.sizes
+        ]
+        states.append(state.with_shapes(shapes))
+    return replace(fit, states=tuple(states))
 
 
 def _without(state: TrialState, effect: str) -> TrialState:

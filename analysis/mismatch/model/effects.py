@@ -17,7 +17,7 @@ from analysis.simulation.response import low_pass
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-Acts = Literal["surface", "share", "force"]
+Acts = Literal["surface", "share", "force", "size"]
 
 TISSUE_SIZE = 5
 TISSUE_NAMES = ("k0_mn_per_mm", "k1_mn_per_mm", "tau1_s", "k2_mn_per_mm", "tau2_s")
@@ -59,7 +59,8 @@ class OwnShape:
     """A shape (n,) with a coefficient of its own in one trial, drawn with variance ``prior`` about zero.
 
     It moves the ``surface`` (mm towards the arm), is a lost ``share`` of the contact force, or adds to
-    the ``force`` that is read (mN).
+    the ``force`` that is read (mN). Of what acts on the ``size`` of a law, the coefficient is the logarithm of how much
+    larger it is in this trial, and there is no shape.
     ``at`` is where: the time (s) of a step, the frequency (Hz) of an oscillation. ``kind`` marks what an effect may do
     besides (creep, harmonics, inexactness); it is empty for the effect itself.
     """
@@ -80,11 +81,17 @@ class OwnShapes(tuple[OwnShape, ...]):
         """For each stage at which some act: their places (k,), and the shapes themselves, (k, n)."""
         places: dict[Acts, list[int]] = {}
         for k, shape in enumerate(self):
-            places.setdefault(shape.acts, []).append(k)
+            if shape.acts != "size":
+                places.setdefault(shape.acts, []).append(k)
         return {
             acts: (np.array(at, dtype=np.int64), np.array([self[k].shape for k in at]))
             for acts, at in places.items()
         }
+
+    @cached_property
+    def sizes(self) -> dict[str, int]:
+        """For each law whose size is the trial's own: where its logarithm stands."""
+        return {shape.effect: k for k, shape in enumerate(self) if shape.acts == "size"}
 
 
 @dataclass(frozen=True)
@@ -131,6 +138,15 @@ class Shared:
     delay_samples: float = 0.0
 
 
+def values_here(law: Law, state: TrialState) -> Values:
+    """Return a law's values in a trial, in which its size may be another one."""
+    at = state.shapes.sizes.get(law.name)
+    if at is None:
+        return law.values
+    size = law.size.name
+    return {**law.values, size: law.values[size] * float(np.exp(state.coefficients[at]))}
+
+
 def delayed(trial: CellTrial, force_mn: FloatArray) -> FloatArray:
     """Return what a sample of delay between the channels adds to a force (n,), mN."""
     return low_pass(force_mn, trial.steps, 1.0 / trial.sample_rate_hz) - force_mn
@@ -149,7 +165,7 @@ def simulate(trial: CellTrial, state: TrialState, shared: Shared) -> FloatArray:
         trial,
         state.tissue,
         PerTrial(state.z0_mm, state.offset_mn),
-        [(a.mechanism, a.values) for a in shared.laws],
+        [(a.mechanism, values_here(a, state)) for a in shared.laws],
         rigid_stiffness=shared.rigid_stiffness,
         surface_mm=added.get("surface", 0.0),
         lost_share=added.get("share", 0.0),

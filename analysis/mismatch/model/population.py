@@ -15,6 +15,8 @@ WEAK = 0.5
 PLAUSIBLE = 0.4
 """No population of skin scatters by more (published: 0.1 to 0.2): what would need it is something else than tissue."""
 TINY = 1e-300
+OF_SITE = 0.15
+"""By so much differs between sites what is the skin's, beside its constants (of these published: 0.1 to 0.2)."""
 DECADE = 2.3
 """A mean is known to a decade before the trials were seen: constants that do not show must not run away."""
 PARTS_RESOLVED = 2000.0

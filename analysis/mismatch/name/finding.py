@@ -144,23 +144,35 @@ def at_bound(law: Law) -> bool:
 
 def _ended(p: Parameter, value: float, null: float) -> bool:
     """Whether a parameter lies at an end of its range at which its law is not nothing."""
+    lower, upper = _ends(p, value)
+    return (lower and min(p.to_fit(p.lower), p.to_fit(p.upper)) != p.to_fit(null)) or upper
+
+
+def _ends(p: Parameter, value: float) -> tuple[bool, bool]:
+    """Whether a parameter lies at the lower and at the upper end of its range."""
     here, ends = p.to_fit(value), sorted((p.to_fit(p.lower), p.to_fit(p.upper)))
     near = 1e-6 * max(1.0, abs(here))
-    return (here - ends[0] <= near and ends[0] != p.to_fit(null)) or ends[1] - here <= near
+    return here - ends[0] <= near, ends[1] - here <= near
 
 
 def law_sizes(account: Account, law: Law) -> dict[str, Quantity]:
-    """Return a law's reported parameters with their errors, tissue and inexactness free."""
+    """Return a law's reported parameters with their errors, tissue and inexactness free.
+
+    What a law is like within stays where it ended at a limit: beyond it nothing trades with the size.
+    """
     fit = account.fit
     N, ridge = account.grams.total(), account.grams.ridge
-    covariance = solve(N, ridge, range(TISSUE_SIZE + account.grams.n_added))[1]
+    parameters = [(p, other.values[p.name]) for other in fit.shared.laws for p in other.parameters]
+    held = {TISSUE_SIZE + k for k, (p, value) in enumerate(parameters) if p.inner and any(_ends(p, value))}
+    pick = [k for k in range(TISSUE_SIZE + account.grams.n_added) if k not in held]
+    errors = np.zeros(TISSUE_SIZE + account.grams.n_added)
+    errors[pick] = np.sqrt(np.maximum(np.diag(solve(N, ridge, pick)[1]), 0.0))
     at = TISSUE_SIZE
     for other in fit.shared.laws:
         if other is law:
             break
         at += len(other.parameters)
     columns = [account.columns(j) for j in range(len(fit.trials))]
-    errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     effect = _rms([law_effects(fit, j)[fit.shared.laws.index(law)] for j in range(len(fit.trials))])
     # no size is surer than by how much the law had to be off
     off = np.hypot(SIZE_INEXACT * effect, _rms([inexactness_mn(state, law.name) for state in fit.states]))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.mismatch.evidence.account import Account
+from analysis.mismatch.evidence.account import Account, with_own_sizes
 from analysis.mismatch.evidence.heldout import predictive_deviance
 from analysis.mismatch.fit.gram import gram, solve
 from analysis.mismatch.fit.law_fit import fit_laws
@@ -219,7 +219,7 @@ def _law_refit(
         hold = [
             f for f in refitted if all(law.mechanism.holds(law.values, depth_mm) for law in f.shared.laws)
         ]
-        best = min(hold or refitted, key=lambda f: f.cost)
+        best = with_own_sizes(min(hold or refitted, key=lambda f: f.cost))
         return replace(exact, fit=best).with_laws(best.shared.laws)
 
     return refit

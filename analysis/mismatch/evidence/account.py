@@ -132,16 +132,16 @@ class Account:
         exact = exact.at_noise(noise_left(exact.fit))
         if not exact.fit.shared.laws or len(exact.fit.trials) < FEWEST_HELD_OUT:
             return exact
-        rough = exact.inexact_to(INEXACT)
-        if rough.evidence.sum() <= exact.evidence.sum():
+        if exact.inexact_to(INEXACT).evidence.sum() <= exact.evidence.sum():
             return exact
-        # what laws leave over by being off has passed for slow noise until here
-        rough = rough.at_noise(noise_left(rough.fit.with_states()))
+        # what laws leave over by being off has passed for slow noise until here, and bent the tissue
+        rough = self.exact.quick().inexact_to(INEXACT)
+        rough = rough.at_noise(noise_left(rough.fit.with_population(1)))
         best = max(rough, rough.inexact_to(ROUGH), key=lambda account: float(account.evidence.sum()))
         if best is not rough:
             best = best.at_noise(best.fit.noise)
         granted = float(best.evidence.sum() - exact.evidence.sum())
-        return replace(best, granted=granted)
+        return replace(best, granted=granted) if granted > 0.0 else exact
 
     def inexact_to(self, share: float) -> Account:
         """Return the account with its laws granted to be off by a share; what is linear need not be refitted."""

@@ -109,11 +109,14 @@ def considered(account: Account, nothing: Account) -> tuple[Rival, ...]:
         for option in worth_trying(some, least, few):
             options.setdefault(option.name, []).append(option)
     largest = {name: max(p.nats for some in listed for p in some if p.name == name) for name in options}
+    # a line drawn beside noise that took the mismatch up says little of how much there is
+    taken_up = {o.name for o in worth_trying(listed[0], least, few)} if quick is not account else set()
     found: list[Rival] = []
     for name in sorted(options, key=lambda name: -largest[name]):
         # refits cost most of the time: none is made that can't be a rival, however far the line misses
-        if not few and largest[name] < CLOSE * max((r.gain for r in found), default=0.0):
-            break
+        best = max((r.gain for r in found), default=0.0)
+        if not few and name not in taken_up and largest[name] < CLOSE * best:
+            continue
         # a wander of any size makes likely whatever is left: who explains something leaves less than there was
         most_mn = (1.0 + INEXACT) * account.fit.left_mn
         refits = ((option, option.refit().reweighed()) for option in options[name])

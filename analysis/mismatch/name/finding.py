@@ -179,10 +179,15 @@ def law_sizes(account: Account, law: Law) -> dict[str, Quantity]:
     found = {}
     for k, p in enumerate(law.parameters):
         value = law.values[p.name]
-        # what moves the effect by as much as the law may be off
-        moved = _rms([c[:, at - TISSUE_SIZE + k] for c in columns])
-        inexact = off / max(moved, 1e-300) if p.name == law.mechanism.amplitude else 0.0
-        error = abs(p.derivative(value)) * float(np.hypot(errors[at + k], inexact))
+        slope, inexact = abs(p.derivative(value)), 0.0
+        if p.name == law.mechanism.amplitude:
+            # what moves the effect by as much as the law may be off
+            moved = _rms([c[:, at - TISSUE_SIZE + k] for c in columns])
+            inexact = slope * off / max(moved, 1e-300)
+            if law.mechanism.null[p.name] == 0.0:
+                # the smallest change moves a snap by all it has
+                inexact = max(inexact, SIZE_INEXACT * abs(value))
+        error = float(np.hypot(slope * errors[at + k], inexact))
         if not p.inner:
             found[p.name] = Quantity(value, error, p.unit)
     return whole_law(law, found, fit.trials[0].study_depth_mm)

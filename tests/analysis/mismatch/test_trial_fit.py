@@ -11,11 +11,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
+from analysis.mismatch.evidence.account import with_own_sizes
 from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.fit.trial_fit import bounded
-from analysis.mismatch.model.effects import simulate
+from analysis.mismatch.model.effects import Law, simulate
 from analysis.mismatch.study.intake import take_in_memory
 from analysis.recordings.trial import Trial
+from analysis.simulation.mechanism import library
 from sim_hardware.concealment.offline import study_plans
 
 
@@ -50,3 +52,21 @@ def test_contact_lies_no_higher_than_the_approach_begins(
             assert state.z0_mm == pytest.approx(trial.begins_mm, abs=1e-9)
         else:
             assert state.z0_mm == pytest.approx(z, abs=0.01)
+
+
+def test_every_site_has_its_own_adhesion(record: Callable[..., list[Trial]]) -> None:
+    trials = record(43, plans=study_plans(depths_mm=(0.5,), repeats=3, hold_s=1.0, dwell_s=0.2))
+    fit = fit_baseline(take_in_memory(trials).trials)
+    adhesion = library()["adhesion"]
+    pulls_mn = (4.4, 5.0, 5.8)
+    forces = [
+        simulate(t, s, replace(fit.shared, laws=(Law(adhesion, {**adhesion.null, "pull_off_mn": pull}, ()),)))
+        for t, s, pull in zip(fit.trials, fit.states, pulls_mn, strict=True)
+    ]
+    clinging = tuple(replace(t, force_mn=f) for t, f in zip(fit.trials, forces, strict=True))
+    law = Law(adhesion, {**adhesion.null, "pull_off_mn": 5.0}, ("pull_off_mn",))
+    found = replace(fit, trials=clinging, shared=replace(fit.shared, laws=(law,)))
+    found = with_own_sizes(found).with_states()
+    sizes = [float(s.coefficients[s.shapes.sizes["adhesion"]]) for s in found.states]
+    assert 5.0 * np.exp(sizes) == pytest.approx(pulls_mn, rel=0.01)
+    assert with_own_sizes(found).states == found.states

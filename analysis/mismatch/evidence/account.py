@@ -29,7 +29,7 @@ NEGLIGIBLE = 0.01
 SETTLES_S = 0.02
 """What of a law comes at once when a phase begins is over in such a time."""
 KERNEL_S = 1e-3
-"""And it may act through a kernel of such a length."""
+"""A law may act through a kernel of such a length."""
 
 
 @dataclass(frozen=True)
@@ -171,11 +171,10 @@ def with_own_sizes(fit: StudyFit) -> StudyFit:
         return fit
     states = []
     for trial, state in zip(fit.trials, fit.states, strict=True):
-        of_site = [law for law in fit.shared.laws if law.mechanism.of_site and law.mechanism.applies(trial)]
         shapes = [
             OwnShape(law.name, "size", np.zeros(0), OF_SITE**2, kind=SITE_KIND)
-            for law in of_site
-            if law.name not in state.shapes.sizes
+            for law in fit.shared.laws
+            if law.mechanism.of_site and law.mechanism.applies(trial) and law.name not in state.shapes.sizes
         ]
         states.append(state.with_shapes(shapes))
     return replace(fit, states=tuple(states))

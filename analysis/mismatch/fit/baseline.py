@@ -74,9 +74,8 @@ def begun_anew(fit: StudyFit) -> StudyFit:
     except BadInputError:
         return fit
     states = tuple(replace(s, log_tissue=mean) if s.has_tissue else s for s in fit.states)
-    return replace(
-        fit, states=states, population=Population.weak(mean, longest_s(fit.trials))
-    ).with_population(1)
+    weak = Population.weak(mean, longest_s(fit.trials))
+    return replace(fit, states=states, population=weak).with_population(1)
 
 
 def _with_block(trial: CellTrial, state: TrialState, shared: Shared) -> TrialState:

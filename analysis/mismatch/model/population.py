@@ -14,7 +14,6 @@ WEAK = 0.5
 """Before anything is known a constant is known to half its logarithm: tissues of one kind differ by less."""
 PLAUSIBLE = 0.4
 """No population of skin scatters by more (published: 0.1 to 0.2): what would need it is something else than tissue."""
-TINY = 1e-300
 OF_SITE = 0.15
 """By so much differs between sites what is the skin's, beside its constants (of these published: 0.1 to 0.2)."""
 DECADE = 2.3
@@ -36,10 +35,10 @@ class Population:
     lowest: FloatArray = field(default_factory=lambda: np.full(5, -np.inf))
 
     @staticmethod
-    def weak(mean: FloatArray, recorded_s: float = 0.0) -> Population:
+    def weak(mean: FloatArray, recorded_s: float) -> Population:
         """Return a population that hardly says anything, of arms that recordings of such a length resolve."""
         lowest = np.full(len(mean), -np.inf)
-        lowest[TIMES] = np.log(max(recorded_s, TINY) / PARTS_RESOLVED)
+        lowest[TIMES] = np.log(recorded_s / PARTS_RESOLVED)
         return Population(mean, WEAK**2 * np.eye(len(mean)), lowest)
 
     @property

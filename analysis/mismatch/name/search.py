@@ -104,13 +104,13 @@ def considered(account: Account, nothing: Account) -> tuple[Rival, ...]:
     if quick is not account:
         listed.append(law_options(quick, nothing))
     listed.append(own_options(quick))
+    worth = [worth_trying(some, least, few) for some in listed]
     options: dict[str, list[Option]] = {}
-    for some in listed:
-        for option in worth_trying(some, least, few):
-            options.setdefault(option.name, []).append(option)
+    for option in (option for some in worth for option in some):
+        options.setdefault(option.name, []).append(option)
     largest = {name: max(p.nats for some in listed for p in some if p.name == name) for name in options}
     # a line drawn beside noise that took the mismatch up says little of how much there is
-    taken_up = {o.name for o in worth_trying(listed[0], least, few)} if quick is not account else set()
+    taken_up = {option.name for option in worth[0]} if quick is not account else set()
     found: list[Rival] = []
     for name in sorted(options, key=lambda name: -largest[name]):
         # refits cost most of the time: none is made that can't be a rival, however far the line misses

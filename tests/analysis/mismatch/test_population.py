@@ -34,18 +34,18 @@ def test_no_arm_is_quicker_than_recordings_resolve() -> None:
 @pytest.mark.parametrize("scatter", [0.1, 0.2])
 def test_what_varies_is_estimated_as_varying(scatter: float) -> None:
     # 100 trials know a scatter to 7 %; the prior of two trials is 2 % of them. Five sigmas: false failures below 1e-5
-    found = estimate(_likelihoods(scatter, 100, 0.01, 3), Population.weak(MEAN))
+    found = estimate(_likelihoods(scatter, 100, 0.01, 3), Population.weak(MEAN, 20.0))
     assert np.sqrt(np.diag(found.covariance)) == pytest.approx(scatter, rel=0.36)
     assert np.abs(found.mean - MEAN).max() < 5 * scatter / 10
 
 
 def test_what_does_not_vary_is_estimated_as_not_varying() -> None:
-    found = estimate(_likelihoods(0.0, 20, 0.002, 4), Population.weak(MEAN))
+    found = estimate(_likelihoods(0.0, 20, 0.002, 4), Population.weak(MEAN, 20.0))
     assert np.sqrt(np.diag(found.covariance)).max() < 0.02
 
 
 def test_a_population_is_no_wilder_than_skin() -> None:
-    found = estimate(_likelihoods(2.0, 20, 0.01, 5), Population.weak(MEAN))
+    found = estimate(_likelihoods(2.0, 20, 0.01, 5), Population.weak(MEAN, 20.0))
     assert np.linalg.eigvalsh(found.covariance).max() <= 0.4**2 * (1 + 1e-9)
 
 

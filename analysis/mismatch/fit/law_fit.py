@@ -12,6 +12,7 @@ from scipy.optimize import lsq_linear
 from analysis.mismatch.fit.gram import gram
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.model.effects import TISSUE_SIZE, Law, Shared, TrialState, delayed, simulate
+from analysis.mismatch.model.population import OF_SITE
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.mechanism import Parameter
 
@@ -39,6 +40,9 @@ def parameter_scale(p: Parameter, value: float, typical: float) -> float:
     """Return the size of a finite difference in units of which a parameter's law is smooth."""
     if p.scale == "log":
         return 1.0
+    if p.inner:
+        # as it is known beforehand: the textbook's value may be zero
+        return INNER_SHARE * (p.upper - p.lower)
     return max(abs(p.to_fit(value)), 0.1 * abs(p.to_fit(typical)), 1e-12)
 
 
@@ -158,7 +162,37 @@ def fit_laws(fit: StudyFit, rounds: int = ROUNDS) -> StudyFit:
             damping = max(damping, 1e-4) * 10.0
         if gained < DONE:
             break
-    return fit
+    return centred(fit)
+
+
+def centred(fit: StudyFit) -> StudyFit:
+    """Return the fit with the mean of what its trials' own sizes have in common put into the size: no force changes.
+
+    A step of the size alone, its trials' own following, is a long way along a narrow valley.
+    """
+    laws = []
+    moved = dict[str, float]()
+    for law in fit.shared.laws:
+        own = [s.coefficients[s.shapes.sizes[law.name]] for s in fit.states if law.name in s.shapes.sizes]
+        size, value = law.size, law.values[law.size.name]
+        mean = float(np.mean(own)) if own else 0.0
+        if len(own) * mean**2 / OF_SITE**2 < DONE or not value:
+            laws.append(law)
+            continue
+        whole = float(np.clip(value * np.exp(mean), size.lower, size.upper))
+        laws.append(replace(law, values={**law.values, size.name: whole}))
+        moved[law.name] = float(np.log(whole / value))
+    if not moved:
+        return fit
+    states = []
+    for state in fit.states:
+        coefficients = state.coefficients.copy()
+        for name, step in moved.items():
+            if name in state.shapes.sizes:
+                coefficients[state.shapes.sizes[name]] -= step
+        states.append(replace(state, coefficients=coefficients))
+    shared = replace(fit.shared, laws=tuple(laws))
+    return replace(fit, states=tuple(states), shared=shared)
 
 
 def bounded_step(

@@ -13,6 +13,7 @@ class ParallelDashpot(Mechanism):
 
     name = "parallel_dashpot"
     stage = "tissue"
+    of_site = True
     parameters = (Parameter("coefficient_mn_s_per_mm", "mN s/mm", 0.0, 1.0e4),)
     amplitude = "coefficient_mn_s_per_mm"
     null = {"coefficient_mn_s_per_mm": 0.0}
@@ -25,6 +26,6 @@ class ParallelDashpot(Mechanism):
     def tissue_force_mn(
         self, trial: CellTrial, depth_mm: FloatArray, tissue: Tissue, p: Values
     ) -> FloatArray:
-        """c dd/dt."""
-        inside = np.clip(depth_mm / 1e-3, 0.0, 1.0)
+        """c dd/dt, averaged over each cell: it moves by 2w, and of a share s of it in contact d = s^2 w."""
+        inside = np.minimum(np.sqrt(depth_mm / trial.half_travel_mm), 1.0)
         return p["coefficient_mn_s_per_mm"] * trial.velocity_mm_s * inside

@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import Bounds, minimize
 
-from analysis.mismatch.fit.law_fit import LARGEST_TISSUE_STEP, MOST_DELAY_SAMPLES, bounded_step, vector
+from analysis.mismatch.fit.law_fit import (
+    LARGEST_TISSUE_STEP,
+    MOST_DELAY_SAMPLES,
+    STEP,
+    bounded_step,
+    parameter_scale,
+    vector,
+)
 from analysis.mismatch.fit.own import solved
 from analysis.mismatch.model.effects import TISSUE_SIZE, Law, Shared
-from analysis.simulation.mechanism import library
+from analysis.simulation.mechanism import Mechanism, library
 
 CELLS = 60
 
@@ -58,3 +66,14 @@ def test_what_a_trial_shows_nothing_of_stays_where_it_is(seed: int, scale: float
     found = solved(J.T @ J, J.T @ y)
     assert found[2] == 0.0
     np.testing.assert_allclose(found[shown], np.linalg.lstsq(J[:, shown], y)[0], rtol=1e-6)
+
+
+@pytest.mark.parametrize("law", [m for m in library().values() if m.form == "law"], ids=lambda m: m.name)
+def test_a_parameter_is_moved_by_enough_to_be_seen_where_the_textbook_has_it(law: Mechanism) -> None:
+    """Some are nothing there, and typically; a difference as small as a rounding error says nothing of them."""
+    for p in law.parameters:
+        null = law.null[p.name]
+        scale = parameter_scale(p, null, law.typical.get(p.name, null))
+        at = min(abs(p.to_fit(null)), 1.0)
+        assert STEP * scale > 1e-6 * at
+        assert scale > 1e-6

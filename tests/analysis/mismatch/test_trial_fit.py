@@ -13,6 +13,7 @@ from scipy.optimize import lsq_linear
 
 from analysis.mismatch.evidence.account import with_own_sizes
 from analysis.mismatch.fit.baseline import fit_baseline
+from analysis.mismatch.fit.law_fit import centred
 from analysis.mismatch.fit.trial_fit import bounded
 from analysis.mismatch.model.effects import Law, simulate
 from analysis.mismatch.study.intake import take_in_memory
@@ -70,3 +71,21 @@ def test_every_site_has_its_own_adhesion(record: Callable[..., list[Trial]]) -> 
     sizes = [float(s.coefficients[s.shapes.sizes["adhesion"]]) for s in found.states]
     assert 5.0 * np.exp(sizes) == pytest.approx(pulls_mn, rel=0.01)
     assert with_own_sizes(found).states == found.states
+
+
+def test_what_sizes_of_all_sites_have_in_common_is_the_laws(record: Callable[..., list[Trial]]) -> None:
+    trials = record(44, plans=study_plans(depths_mm=(0.5,), repeats=3, hold_s=1.0, dwell_s=0.2))
+    fit = fit_baseline(take_in_memory(trials).trials)
+    dashpot = library()["parallel_dashpot"]
+    law = Law(dashpot, {**dashpot.null, dashpot.amplitude: 0.5}, (dashpot.amplitude,))
+    fit = with_own_sizes(replace(fit, shared=replace(fit.shared, laws=(law,))))
+    states = [
+        replace(s, coefficients=np.array([c])) for s, c in zip(fit.states, (0.1, 0.3, 0.2), strict=True)
+    ]
+    off = replace(fit, states=tuple(states))
+    found = centred(off)
+    assert found.shared.laws[0].values[dashpot.amplitude] == pytest.approx(0.5 * np.exp(0.2))
+    assert [float(s.coefficients[0]) for s in found.states] == pytest.approx([-0.1, 0.1, 0.0])
+    for j in range(3):
+        np.testing.assert_allclose(found.force_mn(j), off.force_mn(j), atol=1e-9)
+    assert found.cost < off.cost

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from analysis.mismatch.evidence.account import Account, inexactness_mn, law_effe
 from analysis.mismatch.fit.gram import solve
 from analysis.mismatch.fit.law_fit import law_prior, vector
 from analysis.mismatch.levels import INEXACT, STRETCHED, TEMPER, TWO_ERRORS, WORTH_NAMING
-from analysis.mismatch.model.effects import TISSUE_SIZE, Law, Shared
+from analysis.mismatch.model.effects import TISSUE_SIZE, Law, Shared, simulate
 from analysis.mismatch.name.lines import Line
 from analysis.mismatch.name.search import Named, Rival
 from analysis.simulation.mechanism import Mechanism, Parameter, library
@@ -217,22 +217,26 @@ def own_sizes(account: Account, mechanism: Mechanism) -> dict[str, Quantity]:
     sizes: list[float] = []
     errors: list[float] = []
     places: list[float] = []
-    for own, state in zip(account.fit.own, account.fit.states, strict=True):
+    for trial, own, state in zip(account.fit.trials, account.fit.own, account.fit.states, strict=True):
         mine = [k for k, s in enumerate(state.shapes) if s.effect == mechanism.name and not s.kind]
         if not mine:
             continue
         covariance = np.linalg.pinv(own.information, hermitian=True)
         at = own.tissue.stop
         c = state.coefficients[mine]
-        v = np.array([covariance[at + k, at + k] for k in mine])
+        V = covariance[np.ix_([at + k for k in mine], [at + k for k in mine])]
         if mechanism.form == "oscillation":
-            # cosines and sines of overlapping hats: their mean square is that of the amplitude
-            power = 2.0 * float(np.mean(c**2 - v))
+            # a sine has half of its amplitude's square; what the fit is unsure of adds to the square of what was found
+            S = np.array([state.shapes[k].shape for k in mine])
+            shown = trial.counts * (simulate(trial, replace(state, offset_mn=0.0), account.fit.shared) > 0.0)
+            M = 2.0 * (S * shown) @ S.T / max(float(shown.sum()), 1.0)
+            unsure = float(np.sum(M * V))
+            power = float(c @ M @ c) - unsure
             sizes.append(float(np.sign(power) * np.sqrt(abs(power))))
-            errors.append(float(np.sqrt(2.0 * np.mean(v))))
+            errors.append(float(np.sqrt(unsure)))
         else:
             sizes.append(float(c[0]))
-            errors.append(float(np.sqrt(v[0])))
+            errors.append(float(np.sqrt(V[0, 0])))
         places.append(state.shapes[mine[0]].at)
     unit = 1e3 if mechanism.stage == "specimen" else 1.0
     values: FloatArray = unit * np.array(sizes)

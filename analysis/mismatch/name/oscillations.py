@@ -16,8 +16,8 @@ from analysis.simulation.mechanism import library
 FloatArray = NDArray[np.float64]
 
 LOWEST_HZ, HIGHEST_HZ = 0.15, 15.0
-COHERENT_S = 3.0
-"""Pulse and breath keep their phase and size for about so long."""
+COHERENT_S, COHERENT_CYCLES = 3.0, 5.0
+"""Pulse and breath keep their phase and size for about so long, and what is quicker for so many cycles."""
 SPACING = 0.45
 """Of the width of a line: frequencies are looked at so densely."""
 WANDERS = 0.06
@@ -47,12 +47,16 @@ class OscillationScan:
     grid_hz: FloatArray
 
 
+def coherent_s(frequency_hz: float) -> float:
+    """Return for how long a rhythm keeps its phase and size, s."""
+    return min(COHERENT_S, COHERENT_CYCLES / frequency_hz)
+
+
 def knots(trial: CellTrial, frequency_hz: float) -> FloatArray:
     """Return hat functions (h, n) between which amplitude and phase wander; one that is constant for slow ones."""
     t = trial.time_s
     length = float(t[-1] - t[0])
-    spacing = max(COHERENT_S, CYCLES / frequency_hz)
-    count = max(1, round(length / spacing))
+    count = max(1, round(length / max(coherent_s(frequency_hz), CYCLES / frequency_hz)))
     if count == 1:
         return np.ones((1, len(t)))
     at = np.linspace(t[0], t[-1], count + 1)
@@ -82,7 +86,7 @@ def frequency_grid(length_s: float) -> FloatArray:
     found, f = [], LOWEST_HZ
     while f < HIGHEST_HZ:
         found.append(f)
-        f += SPACING / min(length_s, max(COHERENT_S, 2.0 * CYCLES / f))
+        f += SPACING / min(length_s, max(coherent_s(f), 2.0 * CYCLES / f))
     return np.array(found)
 
 
@@ -157,7 +161,7 @@ def tuned(fit: StudyFit, j: int, near_hz: float, size_mm: float) -> float:
     touching = simulate(trial, replace(state, offset_mn=0.0), fit.shared) > 0.0
     stiffness = float(state.tissue.k0 + state.tissue.k1 + state.tissue.k2)
     time_s = trial.time_s
-    reach_hz = min(SPACING / COHERENT_S, TUNED_SHARE * near_hz)
+    reach_hz = min(SPACING / coherent_s(near_hz), TUNED_SHARE * near_hz)
     tried = near_hz + np.linspace(-1.0, 1.0, TUNED) * reach_hz
     numbers = [n for n in (1, *OVERTONES) if 2.0 * n * near_hz < HIGHEST_HZ] or [1]
     prior = np.repeat([(stiffness * size_mm * OVERTONES.get(n, 1.0)) ** -2 for n in numbers], 2)

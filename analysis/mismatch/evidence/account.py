@@ -14,7 +14,7 @@ from analysis.mismatch.fit.gram import Grams, gram
 from analysis.mismatch.fit.law_fit import fit_laws, known_beforehand, law_columns
 from analysis.mismatch.fit.noise import NoiseModel
 from analysis.mismatch.fit.study_fit import StudyFit
-from analysis.mismatch.levels import FEWEST_HELD_OUT, INEXACT, ROUGH
+from analysis.mismatch.levels import ENOUGH_SHARED, FEWEST_HELD_OUT, INEXACT, ROUGH
 from analysis.mismatch.model.effects import Law, OwnShape, OwnShapes, TrialState, simulate
 from analysis.mismatch.model.population import OF_SITE
 from analysis.recordings.trial import PHASE_NAMES
@@ -23,13 +23,15 @@ FloatArray = NDArray[np.float64]
 
 INEXACT_KIND, SITE_KIND = "inexact", "site"
 SLOW_S = 0.06
-PER_PHASE, SMOOTH = 6, 2
+PER_PHASE, SMOOTH = 4, 2
 """Shapes of a law's inexactness in every phase, and how many of them are free in every trial anew."""
+MOMENTS = 2
+"""Of a kernel of a sample's length, in every phase: no recording says what happens within a sample."""
 NEGLIGIBLE = 0.01
+BETTER = (INEXACT, INEXACT / 3.0, INEXACT / 10.0)
+"""Shares to which recordings may say that laws are right."""
 SETTLES_S = 0.02
 """What of a law comes at once when a phase begins is over in such a time."""
-KERNEL_S = 1e-3
-"""A law may act through a kernel of such a length."""
 
 
 @dataclass(frozen=True)
@@ -53,23 +55,23 @@ class Account:
 
     @cached_property
     def grams(self) -> Grams:
-        """Products of the laws' own columns, of what they may leave over in all trials alike, and of a delay."""
+        """Products of the laws' own columns, of a delay, and of what they may leave over in all trials alike."""
         return gram(self.fit, map(self.columns, range(len(self.fit.trials))), self.precision)
 
     def columns(self, j: int) -> FloatArray:
         """Return the columns (n, K) of `grams` in the j-th trial in mN, the laws' parameters first."""
         fit = self.fit
-        of_laws = law_columns(fit.trials[j], fit.states[j], fit.shared)
-        return np.hstack([of_laws, inexact_columns(fit, j)]) if self.inexact else of_laws
+        of_laws = [law_columns(fit.trials[j], fit.states[j], fit.shared), sample_columns(fit, j)]
+        return np.hstack([*of_laws, inexact_columns(fit, j)] if self.inexact else of_laws)
 
     @property
     def precision(self) -> FloatArray:
         """What is known (K,) of the coefficients of `columns` before any trial is weighed by them."""
-        known = known_beforehand(self.fit.shared)
+        in_phases = len(self.fit.shared.laws) * len(PHASE_NAMES)
+        known = np.append(known_beforehand(self.fit.shared), np.ones(in_phases * MOMENTS))
         if not self.inexact:
             return known
-        left = len(self.fit.shared.laws) * len(PHASE_NAMES) * PER_PHASE
-        return np.append(known, np.full(left, self.inexact**-2))
+        return np.append(known, np.full(in_phases * PER_PHASE, self.inexact**-2))
 
     @cached_property
     def evidence(self) -> FloatArray:
@@ -101,9 +103,15 @@ class Account:
 
     def without(self, name: str) -> Account:
         """Return the account refitted without one effect."""
-        fit = replace(self.fit, states=tuple(_without(s, name) for s in self.fit.states))
-        stripped = replace(self, fit=fit, steps=tuple(n for n in self.steps if n != name))
-        return stripped.with_laws(tuple(law for law in fit.shared.laws if law.name != name))
+        stripped = self.stripped(name)
+        return stripped.with_laws(stripped.fit.shared.laws)
+
+    def stripped(self, name: str) -> Account:
+        """Return the account without one effect, and all else where it stands."""
+        states = tuple(_without(s, name) for s in self.fit.states)
+        laws = tuple(law for law in self.fit.shared.laws if law.name != name)
+        fit = replace(self.fit, states=states, shared=replace(self.fit.shared, laws=laws))
+        return replace(self, fit=fit, steps=tuple(n for n in self.steps if n != name))
 
     def quick(self) -> Account:
         """Return the account weighed by the quick part of its noise only.
@@ -146,6 +154,15 @@ class Account:
     def inexact_to(self, share: float) -> Account:
         """Return the account with its laws granted to be off by a share; what is linear need not be refitted."""
         return replace(self, fit=with_inexactness(self.fit, share), inexact=share)
+
+    @cached_property
+    def most_inexact(self) -> float:
+        """The largest share of their size by which the recordings leave it open that the laws are off."""
+        if self.inexact or not self.fit.shared.laws or len(self.fit.trials) < FEWEST_HELD_OUT:
+            return max(self.inexact, INEXACT)
+        likely = float(self.evidence.sum()) - ENOUGH_SHARED
+        open_to = (s for s in BETTER if float(self.inexact_to(s).evidence.sum()) > likely)
+        return next(open_to, BETTER[-1])
 
     @property
     def exact(self) -> Account:
@@ -238,16 +255,13 @@ def law_effects(fit: StudyFit, j: int) -> list[FloatArray]:
 def inexact_columns(fit: StudyFit, j: int) -> FloatArray:
     """Return what each law may leave over in every phase of the j-th trial (n, D), mN; coefficients about 0.1.
 
-    Its effect times smooth functions, a part of it that comes at once when the phase begins, and the first two moments
-    of a kernel in time: a law that is right to a tenth may act a little sooner or later, and less or more at once. What
-    it so leaves over is expected there, and no evidence for another.
+    Its effect times smooth functions, and a part of it that comes at once when the phase begins: a law that is right to
+    a tenth may act less or more at once. What it so leaves over is expected there, and no evidence for another.
     """
     trial = fit.trials[j]
     columns = [np.zeros((len(trial.time_s), 0))]
     for effect in law_effects(fit, j):
         least = NEGLIGIBLE * float(np.abs(effect).max())
-        late = KERNEL_S * np.gradient(effect, trial.time_s)
-        spread = 0.5 * KERNEL_S * np.gradient(late, trial.time_s)
         for code in range(len(PHASE_NAMES)):
             inside = trial.phase == code
             columns.append(np.zeros((len(effect), PER_PHASE)))
@@ -258,5 +272,23 @@ def inexact_columns(fit: StudyFit, j: int) -> FloatArray:
                 u = 2.0 * done / max(float(done[-1]), 1e-300) - 1.0
                 at_once = mine[np.argmax(np.abs(mine))] * np.exp((t[0] - t) / SETTLES_S)
                 smooth = (mine, mine * u, mine * (1.5 * u**2 - 0.5))
-                columns[-1][inside] = np.column_stack((*smooth, at_once, late[inside], spread[inside]))
+                columns[-1][inside] = np.column_stack((*smooth, at_once))
+    return np.hstack(columns)
+
+
+def sample_columns(fit: StudyFit, j: int) -> FloatArray:
+    """Return what each law leaves over in every phase of the j-th trial by acting through a kernel (n, D), mN.
+
+    The kernel's first two moments, that of a sample's length each: sooner or later, and less sharply.
+    """
+    trial = fit.trials[j]
+    sample_s = 1.0 / trial.sample_rate_hz
+    columns = [np.zeros((len(trial.time_s), 0))]
+    for effect in law_effects(fit, j):
+        late = sample_s * np.gradient(effect, trial.time_s)
+        spread = 0.5 * sample_s * np.gradient(late, trial.time_s)
+        columns += [
+            np.column_stack((late, spread)) * (trial.phase == code)[:, None]
+            for code in range(len(PHASE_NAMES))
+        ]
     return np.hstack(columns)

@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from sim_hardware.concealment.drawn import drawn_skin
 from sim_hardware.concealment.knobs import ABSORBED, KNOBS, LIBRARY, OUTSIDE, SAME_AS_A_LAW, TAKEN_UP
 from sim_hardware.concealment.plans import TrialPlan, study_plans
 from sim_hardware.concealment.sizes import BENCH_SIZES, SIZES
@@ -20,11 +21,12 @@ from sim_hardware.settings import (
     EffectSettings,
     NoiseSettings,
     SpecimenSettings,
+    TissueSettings,
 )
 
 Kind = Literal["null", "single", "pair", "triple", "outside", "absorbed"]
 Noise = Literal["white", "correlated", "wandering", "one_over_f", "heavy_tails", "stepwise"]
-Skin = Literal["published", "living", "shared"]
+Skin = Literal["published", "living", "shared", "drawn"]
 
 NOISES: Mapping[Noise, NoiseSettings] = {
     "white": NoiseSettings(force_mn_rms=0.25),
@@ -41,7 +43,9 @@ SKINS: Mapping[Skin, tuple[SpecimenSettings, float]] = {
     "living": (SpecimenSettings(finger_variation=0.10, site_variation=0.10), 0.10),
     "shared": (SpecimenSettings(finger_variation=0.0, site_variation=0.0), 0.02),
 }
-"""What lies under the punch, and the relative standard deviation of the sensor's gain from trial to trial."""
+"""What lies under the punch, and the relative standard deviation of the sensor's gain from trial to trial.
+
+``drawn`` skin is another one in every case."""
 
 KINDS: tuple[Kind, ...] = ("null", "single", "pair", "outside", "single", "absorbed", "null", "single")
 TISSUE = ("k0_mn_per_mm", "k1_mn_per_mm", "tau1_s", "k2_mn_per_mm", "tau2_s")
@@ -141,11 +145,12 @@ def draw_case(
     """
     random = np.random.default_rng([seed, 12])
     study = tuple(plans) or tuple(study_plans())
-    specimens, gain_jitter = SKINS[skin]
+    specimens, gain_jitter, tissue = drawn_skin(seed) if skin == "drawn" else (*SKINS[skin], TissueSettings())
     # as after a perfect calibration: what is left of the tissue's bias is the diagnosis's own
     bench = BenchSettings(
         seed=seed,
         time="virtual",
+        tissue=tissue,
         specimens=specimens,
         noise=NOISES[noise].model_copy(update={"gain_jitter": gain_jitter}),
         converters=ConverterSettings(stepwise_output=noise == "stepwise"),
@@ -164,5 +169,5 @@ def draw_case(
         reached = strength(bench, (effect,), study)
         hidden.append(Hidden(name, kind_of.in_library, told, kind_of.phases, reached))
     settings = bench.model_copy(update={"effects": tuple(effects)})
-    tissue = dict(zip(TISSUE, tissue_of(bench, study), strict=True))
-    return Case(number, kind, noise, skin, settings, tuple(hidden), tissue)
+    means = dict(zip(TISSUE, tissue_of(bench, study), strict=True))
+    return Case(number, kind, noise, skin, settings, tuple(hidden), means)

@@ -2,9 +2,10 @@
 
     python tests/benchmarks/campaign.py singles --skin living --cases 65 --out DIR [--processes 2] [--only 3 7]
 
-Seeds are blind: drawn when a campaign begins and kept in DIR with the truths of its cases, so that another
-code is judged on the same cases. Rows are kept by a digest of the analysis, one JSON line a case: the truth,
-the report, time and memory. Each case is recorded to files and diagnosed by `indenter diagnose` on them.
+With ``--skin drawn`` study, tissue and scatter are others in every case. Seeds are blind: drawn when a campaign
+begins and kept in DIR with the truths of its cases, so that another code is judged on the same cases. Rows are
+kept by a digest of the analysis, one JSON line a case: the truth, the report, time and memory. Each case is
+recorded to files and diagnosed by `indenter diagnose` on them.
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ from analysis.recordings import write_trial
 from rig.proof.recovery import sizes
 from rig.proof.scores import Outcome, is_right, read_truth
 from sim_hardware.concealment.cases import NOISES, draw_case, draw_together, outsiders
+from sim_hardware.concealment.drawn import drawn_study
 from sim_hardware.concealment.knobs import ABSORBED
 from sim_hardware.concealment.offline import TrialPlan, record_study, study_plans
 from sim_hardware.concealment.sizes import BENCH_SIZES, OTHER_SIZES
@@ -67,10 +69,13 @@ def specs(campaign: str, n: int, seed: int, skin: str = "living") -> list[Spec]:
     return [(kind, (names[at],), noises[(at + turn) % len(noises)]) for turn, at in turns]
 
 
-def plans(seed: int) -> list[TrialPlan]:
-    """Return 20 trials, five fingers at four depths, each at a site of its own, shuffled, rests of 2 to 3 minutes."""
+def plans(seed: int, skin: str) -> list[TrialPlan]:
+    """Return 20 trials, five fingers at four depths, each at a site of its own, shuffled, rests of 2 to 3 minutes.
+
+    On skin that is drawn for every case the study is drawn too.
+    """
     random = np.random.default_rng([seed, 22])
-    listed = study_plans(fingers=FINGERS, repeats=1)
+    listed = drawn_study(seed) if skin == "drawn" else study_plans(fingers=FINGERS, repeats=1)
     return [
         replace(listed[i], rest_s=float(random.uniform(120, 180))) for i in random.permutation(len(listed))
     ]
@@ -83,7 +88,7 @@ def drawn(number: int, spec: Spec, skin: str, seed: int, kept: Path) -> Row:
         truth: Row = json.loads(kept.read_text())
         if (truth["kind"], tuple(h["name"] for h in truth["hidden"]), truth["noise"]) == spec:
             return truth
-    case = draw_case(number, kind, names, noise, skin, seed=seed, plans=plans(seed))  # type: ignore[arg-type]
+    case = draw_case(number, kind, names, noise, skin, seed=seed, plans=plans(seed, skin))  # type: ignore[arg-type]
     kept.parent.mkdir(parents=True, exist_ok=True)
     kept.write_text(json.dumps(case.truth()))
     return drawn(number, spec, skin, seed, kept)
@@ -98,7 +103,7 @@ def record(truth: Row, folder: Path) -> None:
     module = module_from_spec(found)
     found.loader.exec_module(module)
     settings = BenchSettings.model_validate_json(json.dumps(truth["settings"]))
-    for i, recorded in enumerate(record_study(settings, plans(settings.seed))):
+    for i, recorded in enumerate(record_study(settings, plans(settings.seed, truth["skin"]))):
         write_trial(folder / f"trial_{i + 1:03d}.h5", module.as_trial(recorded))
 
 
@@ -180,7 +185,7 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("campaign", choices=CAMPAIGNS)
-    parser.add_argument("--skin", choices=("living", "shared", "published"), default="living")
+    parser.add_argument("--skin", choices=("living", "shared", "published", "drawn"), default="living")
     parser.add_argument("--cases", type=int, default=20)
     parser.add_argument("--seed", type=int, help="of a campaign that begins; blind where none is given")
     parser.add_argument("--out", type=Path, required=True)

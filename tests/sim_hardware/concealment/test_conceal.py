@@ -7,6 +7,7 @@ import pytest
 
 from sim_hardware.concealment.cases import NOISES, SKINS, draw_case, draw_cases, draw_together, outsiders
 from sim_hardware.concealment.conceal import Keeper
+from sim_hardware.concealment.drawn import drawn_study
 from sim_hardware.concealment.knobs import ABSORBED, KNOBS, LIBRARY, OUTSIDE, SAME_AS_A_LAW, TAKEN_UP
 from sim_hardware.concealment.plans import study_plans
 from sim_hardware.concealment.sealing import digest, seal
@@ -126,6 +127,20 @@ def test_tissue_that_is_told_is_the_mean_of_what_was_pressed(skin: str) -> None:
         assert k0 == pytest.approx(120.0, rel=0.1)
     else:
         assert abs(tau1 / 2.279 - 1) > 1e-3
+
+
+def test_a_laboratory_that_is_drawn_is_another_one_for_every_seed_and_within_its_ranges() -> None:
+    studies = [drawn_study(seed) for seed in range(40)]
+    assert studies[3] == drawn_study(3)
+    assert len({(s[0].hold_s, s[0].ramp_speed_mm_s, s[0].retract_speed_mm_s) for s in studies}) > 20
+    assert all(2 <= len({plan.depth_mm for plan in s}) <= 4 for s in studies)
+    assert all(5 <= len(s) <= 40 for s in studies)
+    assert all(0.2 <= plan.depth_mm <= 0.8 for s in studies for plan in s)
+    skins = [
+        draw_case(0, "null", (), "white", "drawn", seed=seed, plans=SHORT[:1]).settings for seed in (1, 2)
+    ]
+    assert skins[0].tissue != skins[1].tissue
+    assert skins[0].specimens != skins[1].specimens
 
 
 def test_every_noise_and_skin_makes_a_bench_of_its_own() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from analysis.mismatch.evidence.account import Account
-from analysis.mismatch.name.search import Option, worth_trying
+from analysis.mismatch.name.options import Option, worth_trying
 
 
 def _option(name: str, nats: float, beside: float) -> Option:

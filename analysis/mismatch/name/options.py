@@ -1,0 +1,193 @@
+"""What might be added to an account: each law, event and rhythm with its evidence to a line, and how it is refitted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from analysis.mismatch.evidence.account import Account, with_own_sizes
+from analysis.mismatch.evidence.heldout import predictive_deviance
+from analysis.mismatch.fit.gram import gram, solve
+from analysis.mismatch.fit.law_fit import fit_laws
+from analysis.mismatch.fit.settled import settled_columns
+from analysis.mismatch.fit.study_fit import StudyFit
+from analysis.mismatch.levels import (
+    CLOSE,
+    ENOUGH_OWN,
+    ENOUGH_SHARED,
+    FEWEST_HELD_OUT,
+    INEXACT,
+    REFITTED,
+    STARTS,
+)
+from analysis.mismatch.model.dictionary import Template, templates
+from analysis.mismatch.model.effects import TISSUE_SIZE
+from analysis.mismatch.name.events import EventScan, scan_events, with_events
+from analysis.mismatch.name.oscillations import OscillationScan, scan_oscillations, with_oscillation
+
+NAMELESS = "oscillation"
+"""An oscillation in no band of the library."""
+TIMES_LOOKED_AT = 70
+FIRST_ROUNDS = 5
+
+
+@dataclass(frozen=True)
+class Option:
+    """An effect that might be added: name, linear evidence (nats), what is enough, how to refit it.
+
+    ``beside`` is its evidence beside the law that has most.
+    """
+
+    name: str
+    nats: float
+    enough: float
+    refit: Callable[[], Account]
+    beside: float = 0.0
+
+
+def worth_trying(options: list[Option], least: float, few: bool) -> list[Option]:
+    """Return the few effects with most linear evidence that have enough of it, half of which the line may miss.
+
+    Beside them the one that says most that the best does not: several may be one and the same to a line. All that have
+    enough where trials are ``few``: there much is far from linear, and a refit costs little.
+    """
+    best = sorted(options, key=lambda o: -o.nats)
+    enough = [o for o in best if o.nats > max(0.5 * o.enough, least)]
+    if few:
+        return enough
+    first = [o for o in enough if o.nats > CLOSE * best[0].nats][:REFITTED]
+    others = [o for o in enough if o not in first and o.beside > max(0.5 * o.enough, least)]
+    return first + sorted(others, key=lambda o: -o.beside)[:1]
+
+
+def law_options(account: Account, nothing: Account) -> list[Option]:
+    """Return the laws that might be added, weighed beside what the present laws may leave over."""
+    fit = account.fit
+    wanted = templates(fit.trials, account.names)
+    # of fewer trials none can say how exact a law is
+    inexact = account.inexact or (INEXACT if len(fit.trials) >= FEWEST_HELD_OUT else 0.0)
+    known = replace(account, inexact=inexact)
+    present = len(known.precision)
+    columns = (np.hstack([known.columns(j), settled_columns(fit, j, wanted)]) for j in range(len(fit.trials)))
+    grams = gram(fit, columns, np.append(known.precision, np.zeros(len(wanted))))
+    before = predictive_deviance(grams, range(present))
+    total = grams.total()
+
+    def weighed(k: int, beside: tuple[int, ...] = ()) -> tuple[float, float]:
+        """Return what a template gains, and its coefficient."""
+        pick = [*range(TISSUE_SIZE + present), *(TISSUE_SIZE + present + b for b in (*beside, k))]
+        coefficients = solve(total, grams.ridge, pick)[0]
+        # as of a law that was refitted: a size is known to about itself, whatever the scale of these recordings
+        ridge = grams.ridge.copy()
+        ridge[pick[TISSUE_SIZE + present :]] = 1.0 / np.maximum(
+            coefficients[TISSUE_SIZE + present :] ** 2, 1e-24
+        )
+        after = predictive_deviance(
+            replace(grams, ridge=ridge), [*range(present), *(present + b for b in (*beside, k))]
+        )
+        if wanted[k].mechanism.one_sided and coefficients[-1] <= 0:
+            return 0.0, float(coefficients[-1])
+        return 0.5 * float((before - after).sum()), float(coefficients[-1])
+
+    best: dict[str, list[tuple[float, int, float]]] = {}
+    for k, template in enumerate(wanted):
+        gain, coefficient = weighed(k)
+        best.setdefault(template.name, []).append((gain, k, coefficient))
+    options = []
+    most, leader, _ = max((max(found) for found in best.values()), default=(0.0, 0, 0.0))
+    for name, found in best.items():
+        found.sort(reverse=True)
+        beside = 0.0 if name == wanted[leader].name else weighed(found[0][1], (leader,))[0] - most
+        starts = found[:1]
+        for other in found[1:]:
+            if len(starts) < STARTS and all(abs(other[1] - f[1]) >= len(found) / STARTS for f in starts):
+                starts.append(other)
+        refit = _law_refit(account, nothing, wanted, starts)
+        options.append(Option(name, found[0][0], ENOUGH_SHARED, refit, beside))
+    return options
+
+
+def _law_refit(
+    account: Account, nothing: Account, wanted: list[Template], starts: list[tuple[float, int, float]]
+) -> Callable[[], Account]:
+    def refit() -> Account:
+        exact = account.exact
+        fits = [
+            replace(f, shared=replace(f.shared, laws=(*f.shared.laws, wanted[k].as_law(c))))
+            for _, k, c in starts
+            for f in (exact.fit, *_anew(account, nothing))
+        ]
+        # the population moves little: it is left alone until the best start is known
+        refitted = [fit_laws(f, rounds=FIRST_ROUNDS) for f in fits]
+        depth_mm = account.fit.trials[0].study_depth_mm
+        hold = [
+            f for f in refitted if all(law.mechanism.holds(law.values, depth_mm) for law in f.shared.laws)
+        ]
+        best = with_own_sizes(min(hold or refitted, key=lambda f: f.cost))
+        return replace(exact, fit=best).with_laws(best.shared.laws)
+
+    return refit
+
+
+def _anew(account: Account, nothing: Account) -> list[StudyFit]:
+    """Return from where a present law is refitted beside where it stands: of one or two trials, from the textbook.
+
+    There nothing keeps the first law, and the trial's own parameters with it, from standing for one still missing.
+    """
+    fit = account.exact.fit
+    if len(fit.trials) >= FEWEST_HELD_OUT or len(fit.shared.laws) != 1:
+        return []
+    start = nothing.fit.weighed_by(fit.noise)
+    textbook = [t.as_law(1.0) for t in templates(fit.trials) if t.name == fit.shared.laws[0].name]
+    return [replace(start, shared=replace(start.shared, laws=(law,))) for law in textbook]
+
+
+def own_options(account: Account) -> list[Option]:
+    """Return the events and the oscillation that might be added.
+
+    They are told from a law by coming in each trial anew: one or two trials can't show that.
+    """
+    if len(account.fit.trials) < FEWEST_HELD_OUT:
+        return []
+    options = [
+        Option(scan.event.name, scan.evidence, ENOUGH_OWN, _event_refit(account, scan))
+        for scan in scan_events(account.fit)
+        if scan.event.name not in account.steps
+    ]
+    scan = scan_oscillations(account.fit)
+    name = scan.name or NAMELESS
+    if name not in account.steps:
+        options.append(Option(name, scan.evidence, ENOUGH_OWN, _oscillation_refit(account, scan, name)))
+    return options
+
+
+def _event_refit(account: Account, scan: EventScan) -> Callable[[], Account]:
+    def refit() -> Account:
+        exact = account.exact
+        # a time was chosen in every trial that has a step
+        price = float(np.log(TIMES_LOOKED_AT)) * int((scan.probability > 0.5).sum())
+        added = replace(
+            exact,
+            fit=with_events(exact.fit, scan),
+            steps=(*account.steps, scan.event.name),
+            cost=account.cost + price,
+        )
+        return added.with_laws(account.fit.shared.laws)
+
+    return refit
+
+
+def _oscillation_refit(account: Account, scan: OscillationScan, name: str) -> Callable[[], Account]:
+    def refit() -> Account:
+        exact = account.exact
+        added = replace(
+            exact,
+            fit=with_oscillation(exact.fit, scan, name),
+            steps=(*account.steps, name),
+            cost=account.cost + float(np.log(max(len(scan.grid_hz), 1))),
+        )
+        return added.with_laws(account.fit.shared.laws)
+
+    return refit

@@ -39,7 +39,7 @@ class CellTrial:
 
     ``full_force_mn`` and ``full_servo_residual_mm`` (N,) keep every sample. ``time_s`` is the cells' centres,
     counted from the first sample; ``counts`` the samples in each;
-    ``position_mm``, ``velocity_mm_s``, ``acceleration_mm_s2`` the smoothed motion; ``force_mn`` and
+    ``position_mm``, ``velocity_mm_s``, ``acceleration_mm_s2``, ``shake_mm_s2`` the smoothed motion; ``force_mn`` and
     ``servo_residual_mm`` (recorded position less the nominal servo's) plain averages of what was recorded;
     ``servo_signature_mm`` (n, 2) the change of the servo's position by ln(natural frequency) and ln(damping);
     ``phase`` indexes PHASE_NAMES (-1: none).
@@ -62,6 +62,7 @@ class CellTrial:
     position_mm: FloatArray
     velocity_mm_s: FloatArray
     acceleration_mm_s2: FloatArray
+    shake_mm_s2: FloatArray
     command_mm: FloatArray
     force_mn: FloatArray
     servo_residual_mm: FloatArray
@@ -279,6 +280,7 @@ def reduce_trial(
         position_mm=mean(motion.position_mm),
         velocity_mm_s=mean(motion.velocity_mm_s),
         acceleration_mm_s2=mean(motion.acceleration_mm_s2),
+        shake_mm_s2=mean(motion.shake_mm_s2),
         command_mm=mean(command) if command is not None else mean(motion.position_mm),
         force_mn=mean(trial.force_mn),
         servo_residual_mm=mean(motion.servo_residual_mm),

@@ -29,6 +29,9 @@ VELOCITY_WINDOW_S = 0.002
 KINK_MM_S = 0.3
 UNKNOWN_DRIVE = 30.0
 SMALLEST_NOISE_MM = 2e-4
+MOST_PIECES = 100
+STEPS_SHOW = 3.0
+"""Nats by which steps of the output must explain the position better than lines: odds of 20 to 1."""
 SERVO_SAMPLES = 8
 """Fewest samples on either side of a kink: a recording with less in NEAR_KINK_S is too slow to show a servo."""
 
@@ -40,12 +43,15 @@ class Motion:
     ``servo_residual_mm`` is recorded minus the nominal servo's answer to the command and ``servo_signature_mm`` (N, 2)
     how the answer of the servo that was found changes with ln(natural frequency) and ln(damping ratio); zero where no
     command was recorded.
+    ``shake_mm_s2`` is by how much more the arm accelerates at the samples than between them if the output steps and so
+    pushes it once a sample.
     ``kinks`` are the samples at which the velocity of the command changes at once.
     """
 
     position_mm: FloatArray
     velocity_mm_s: FloatArray
     acceleration_mm_s2: FloatArray
+    shake_mm_s2: FloatArray
     servo_residual_mm: FloatArray
     servo_signature_mm: FloatArray
     kinks: IntArray
@@ -76,8 +82,10 @@ def find_kinks(trial: Trial) -> IntArray:
     return np.array(sorted(found), dtype=np.int64)
 
 
-def fit_servo(trials: list[Trial]) -> tuple[float, float]:
+def fit_servo(trials: list[Trial]) -> tuple[tuple[float, float], tuple[float, float] | None]:
     """Return natural frequency (rad/s) and damping ratio that explain recorded position best.
+
+    Then the same for a command that stands from sample to sample, where recordings say that it does.
 
     Of a press only samples near kinks carry information on the servo, of a sweep all do. Without a command, where
     nothing moves, or where samples are too far apart to show a servo, the nominal one is returned.
@@ -100,15 +108,15 @@ def fit_servo(trials: list[Trial]) -> tuple[float, float]:
                 continue
             pieces.append((u, trial.position_mm[lo:hi], trial.sample_rate_hz))
     if not pieces:
-        return DEFAULT_NATURAL_FREQUENCY_RAD_S, DEFAULT_DAMPING_RATIO
+        return (DEFAULT_NATURAL_FREQUENCY_RAD_S, DEFAULT_DAMPING_RATIO), None
 
-    def residual(log_p: FloatArray) -> FloatArray:
+    def residual(log_p: FloatArray, held: bool) -> FloatArray:
         wn, zeta = np.exp(log_p)
         out = []
-        for u, x, rate in pieces[:60]:
+        for u, x, rate in pieces[:MOST_PIECES]:
             lead = np.polynomial.polynomial.polyfit(np.arange(float(SERVO_SAMPLES)), u[:SERVO_SAMPLES], 1)
             ramp_in = lead[0] + lead[1] * np.arange(-200.0, 0.0)
-            model = follow(np.concatenate([ramp_in, u]), rate, wn, zeta).position_mm[200:]
+            model = follow(np.concatenate([ramp_in, u]), rate, wn, zeta, held=held).position_mm[200:]
             r = x - model
             basis = np.column_stack([np.ones_like(u), u - u.mean()])
             out.append(r - basis @ np.linalg.lstsq(basis, r, rcond=None)[0])
@@ -116,9 +124,15 @@ def fit_servo(trials: list[Trial]) -> tuple[float, float]:
 
     start = np.log([DEFAULT_NATURAL_FREQUENCY_RAD_S, DEFAULT_DAMPING_RATIO])
     bounds = (np.log([10.0, 0.1]), np.log([5.0e4, 5.0]))
-    best = least_squares(residual, start, bounds=bounds, diff_step=[1e-3, 1e-3], max_nfev=15)
-    wn, zeta = np.exp(best.x)
-    return float(wn), float(zeta)
+    lines, steps = (
+        least_squares(
+            residual, start, bounds=bounds, diff_step=[1e-3, 1e-3], max_nfev=15, kwargs={"held": held}
+        )
+        for held in (False, True)
+    )
+    (wn, zeta), (held_wn, held_zeta) = (np.exp(best.x).tolist() for best in (lines, steps))
+    likelier = 0.5 * len(lines.fun) * np.log(max(lines.cost, 1e-300) / max(steps.cost, 1e-300))
+    return (wn, zeta), (held_wn, held_zeta) if likelier > STEPS_SHOW else None
 
 
 def _servo_explains(recorded_mm: FloatArray, servo_mm: FloatArray) -> bool:
@@ -134,24 +148,31 @@ def estimate_motion(
     trial: Trial,
     natural_frequency_rad_s: float = DEFAULT_NATURAL_FREQUENCY_RAD_S,
     damping_ratio: float = DEFAULT_DAMPING_RATIO,
+    held: tuple[float, float] | None = None,
 ) -> Motion:
     """Return the motion behind a recording: the servo's answer plus the smoothed rest.
+
+    ``held`` are natural frequency and damping ratio of a servo whose command stands from sample to sample.
 
     The rest is smoothed over 0.8 ms near kinks, where it may be fast, and over 5 ms elsewhere. Without a
     command the recorded position itself is smoothed so.
     """
     rate, recorded = trial.sample_rate_hz, trial.position_mm
-    kinks = find_kinks(trial)
+    kinks, shake = find_kinks(trial), np.zeros_like(recorded)
     if trial.command_mm is not None:
-        servo = follow(
-            straightened(trial.command_mm, kinks.tolist()), rate, natural_frequency_rad_s, damping_ratio
-        )
-        base, v, a = servo.position_mm, servo.velocity_mm_s, servo.acceleration_mm_s2
+        lines = straightened(trial.command_mm, kinks.tolist())
+        stepped = follow(lines, rate, *(held or (natural_frequency_rad_s, damping_ratio)), held=True)
+        between = np.diff(stepped.velocity_mm_s, prepend=0.0) * rate
+        shake = stepped.acceleration_mm_s2 - between
+        base, v, a = stepped.position_mm, stepped.velocity_mm_s, between
+        if held is None:
+            servo = follow(lines, rate, natural_frequency_rad_s, damping_ratio)
+            base, v, a = servo.position_mm, servo.velocity_mm_s, servo.acceleration_mm_s2
     else:
         base, v, a = np.zeros_like(recorded), np.zeros_like(recorded), np.zeros_like(recorded)
     if trial.command_mm is not None and not _servo_explains(recorded, base):
         # a drive that is no such servo: its answer would add accelerations that never were
-        base, v, a = np.zeros_like(recorded), np.zeros_like(recorded), np.zeros_like(recorded)
+        base, v, a, shake = (np.zeros_like(recorded) for _ in range(4))
         unknown = smoothed(recorded, width_for_acceleration(recorded))
     else:
         unknown = None
@@ -186,6 +207,7 @@ def estimate_motion(
         position_mm=base + smooth,
         velocity_mm_s=v + rest_v,
         acceleration_mm_s2=a + rest_a,
+        shake_mm_s2=shake,
         servo_residual_mm=servo_residual,
         servo_signature_mm=signature,
         kinks=kinks,

@@ -28,19 +28,25 @@ def follow(
     sample_rate_hz: float,
     natural_frequency_rad_s: float = DEFAULT_NATURAL_FREQUENCY_RAD_S,
     damping_ratio: float = DEFAULT_DAMPING_RATIO,
+    *,
+    held: bool = False,
 ) -> ServoMotion:
     """Return the motion of a second-order servo that starts at rest on the first command.
 
-    x'' = wn^2 (u - x) - 2 zeta wn x', integrated exactly for a command that is linear between samples
-    (first-order hold). ``command_mm`` is (N,).
+    x'' = wn^2 (u - x) - 2 zeta wn x', integrated exactly for a command (N,) that is linear between samples, or
+    ``held`` from sample to sample as a card plays it: what is sampled then is what the command before has done.
     """
     wn, zeta = natural_frequency_rad_s, damping_ratio
     a = np.array([[0.0, 1.0], [-wn * wn, -2.0 * zeta * wn]])
     b = np.array([[0.0], [wn * wn]])
     c = np.array([[1.0, 0.0], [0.0, 1.0], [-wn * wn, -2.0 * zeta * wn]])
     d = np.array([[0.0], [0.0], [wn * wn]])
-    ad, bd, cd, dd, _ = cont2discrete((a, b, c, d), 1.0 / sample_rate_hz, method="foh")
-    numerators, denominator = ss2tf(ad, bd, cd, dd)
+    ad, bd, cd, dd, _ = cont2discrete((a, b, c, d), 1.0 / sample_rate_hz, method="zoh" if held else "foh")
     u = command_mm - command_mm[0]
+    if held:
+        # with the command before as a third state, what is sampled knows nothing of the command that begins
+        ad, bd = np.block([[ad, np.zeros((2, 1))], [np.zeros((1, 3))]]), np.vstack([bd, [[1.0]]])
+        cd, dd = np.hstack([cd, dd]), np.zeros_like(dd)
+    numerators, denominator = ss2tf(ad, bd, cd, dd)
     x, v, acceleration = (lfilter(row, denominator, u) for row in numerators)
     return ServoMotion(x + command_mm[0], v, acceleration)

@@ -216,9 +216,10 @@ def _weigh(event: Event, per_trial: Sequence[tuple[FloatArray, FloatArray, Float
     nothing = EventScan(
         event, -np.inf, np.zeros(n), 0.0, 0.0, np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
     )
-    if not norms or max(norms) <= 0:
+    shown = [norm for norm in norms if norm > 0.0]
+    if not shown:
         return nothing
-    typical = 1.0 / np.sqrt(float(np.median(norms)))
+    typical = 1.0 / np.sqrt(float(np.median(shown)))
     best = nothing
     for strength in SIZES:
         size = float(strength) * typical

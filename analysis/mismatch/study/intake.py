@@ -19,7 +19,7 @@ from analysis.simulation.motion import estimate_motion, fit_servo
 Setting = Literal["finger", "lever", "other"]
 """A finger under a lever, another specimen under a lever, or another instrument."""
 DIAGNOSED = ("ramp_hold_retract", "air_sweep", "rigid_target")
-SERVO_TRIALS = 6
+SERVO_TRIALS = 12
 SLOPE_TOLERANCE = 0.2
 MOVES_MM = 0.002
 UNCOMPUTABLE = (ArithmeticError, ValueError, IndexError)
@@ -101,7 +101,7 @@ def _reduce(
         )
     heads = sorted(heads, key=lambda t: (t.started, t.path))
     with_command = [h for h in heads if h.command_v is not None]
-    servo = fit_servo([load(h) for h in with_command[:SERVO_TRIALS]])
+    servo, held = fit_servo([load(h) for h in with_command[:SERVO_TRIALS]])
     cells: list[CellTrial] = []
     before: tuple[tuple[float, float], ...] = ()
     for order, head in enumerate(heads):
@@ -110,7 +110,7 @@ def _reduce(
         felt = tuple((d, ago_s + rest_s) for d, ago_s in before) if rest_s is not None else ()
         try:
             trial = load(head)
-            motion = estimate_motion(trial, *servo)
+            motion = estimate_motion(trial, *servo, held)
             cells.append(reduce_trial(trial, motion, order=order, pressed_before=felt, hold_only=hold_only))
         except UNCOMPUTABLE as error:
             left_out.append(

@@ -8,18 +8,26 @@ from analysis.simulation.response import low_pass
 
 
 class ArmInertia(Mechanism):
-    """F gains m d2x/dt2 (1 g mm/s^2 = 1e-3 mN), smeared over ``settle_ms`` by the arm's own bending (0: rigid arm)."""
+    """F gains m d2x/dt2 (1 g mm/s^2 = 1e-3 mN), smeared over ``settle_ms`` by the arm's own bending (0: rigid arm).
+
+    An output that steps pushes the arm once a sample, and the samples always meet the same moment of it. Of that
+    acceleration an arm that bends passes on a share ``shake`` (an output of lines: 0; of steps, to a rigid arm: 1).
+    """
 
     name = "arm_inertia"
     stage = "sensor"
     parameters = (
         Parameter("mass_g", "g", 0.0, 1.0e6),
         Parameter("settle_ms", "ms", 0.01, 5.0, "log", inner=True),
+        Parameter("shake", "1", -0.5, 1.5, inner=True),
     )
     amplitude = "mass_g"
-    null = {"mass_g": 0.0, "settle_ms": 0.02}
-    probes = ({"mass_g": 0.01, "settle_ms": 0.02}, {"mass_g": 0.01, "settle_ms": 0.4})
-    typical = {"mass_g": 0.5, "settle_ms": 0.02}
+    null = {"mass_g": 0.0, "settle_ms": 0.02, "shake": 0.0}
+    probes = (
+        {"mass_g": 0.01, "settle_ms": 0.02, "shake": 0.0},
+        {"mass_g": 0.01, "settle_ms": 0.4, "shake": 0.0},
+    )
+    typical = {"mass_g": 0.5, "settle_ms": 0.02, "shake": 0.0}
     needs_contact = False
     words = (
         "the arm's own mass shows as force whenever it is accelerated, at the start and end of every motion"
@@ -29,5 +37,6 @@ class ArmInertia(Mechanism):
 
     def sensor_force_mn(self, trial: CellTrial, force_mn: FloatArray, p: Values) -> FloatArray:
         """F + m a."""
+        shaken = p.get("shake", 0.0) * trial.shake_mm_s2
         felt = low_pass(trial.acceleration_mm_s2, trial.steps, 1e-3 * p["settle_ms"])
-        return force_mn + 1e-3 * p["mass_g"] * felt
+        return force_mn + 1e-3 * p["mass_g"] * (felt + shaken)

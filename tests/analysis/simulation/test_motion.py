@@ -37,5 +37,5 @@ def test_the_servo_of_a_drive_is_found_from_its_sweep(tmp_path: Path, wn: float,
     )
     (imported,), refused = import_recordings([tmp_path / "axis.csv"], tmp_path / "trials", "air_sweep")
     assert not refused
-    found = fit_servo([read_trial(imported.path)])
+    found, _ = fit_servo([read_trial(imported.path)])
     assert found == pytest.approx((wn, zeta), rel=0.02)

@@ -35,3 +35,21 @@ def test_velocity_and_acceleration_are_derivatives() -> None:
     np.testing.assert_allclose(
         np.gradient(motion.velocity_mm_s, t)[200:-2], motion.acceleration_mm_s2[200:-2], rtol=1e-3, atol=40.0
     )
+
+
+def test_a_held_command_is_that_of_lines_integrated_finely() -> None:
+    """Each step drawn as 64 lines, the first of them steep; sampled before the next step begins."""
+    rate_hz, fine = 8000.0, 64
+    command = np.concatenate([np.zeros(5), np.cumsum(np.full(60, 0.0025)), np.full(40, 0.15)])
+    held = follow(command, rate_hz, held=True)
+    finely = follow(np.repeat(command, fine), rate_hz * fine)
+    # a line takes one fine sample to rise
+    np.testing.assert_allclose(held.position_mm[1:], finely.position_mm[fine::fine], atol=6e-5)
+    lag_s = 0.5 / rate_hz
+    drawn = follow(command, rate_hz)
+    steady = slice(45, 60)
+    behind = drawn.position_mm[steady] - held.position_mm[steady]
+    assert behind == pytest.approx(20.0 * lag_s, rel=0.02)
+    # on a steady ramp the arm is slowing down whenever it is sampled
+    assert np.all(held.acceleration_mm_s2[steady] < -1e4)
+    assert np.mean(np.diff(held.velocity_mm_s[steady])) == pytest.approx(0.0, abs=1e-6)

@@ -69,7 +69,7 @@ def specs(campaign: str, n: int, seed: int, skin: str = "living") -> list[Spec]:
     return [(kind, (names[at],), noises[(at + turn) % len(noises)]) for turn, at in turns]
 
 
-def plans(seed: int, skin: str) -> list[TrialPlan]:
+def plans(seed: int, skin: str = "living") -> list[TrialPlan]:
     """Return 20 trials, five fingers at four depths, each at a site of its own, shuffled, rests of 2 to 3 minutes.
 
     On skin that is drawn for every case the study is drawn too.

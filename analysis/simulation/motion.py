@@ -164,8 +164,9 @@ def estimate_motion(
         stepped = follow(lines, rate, *(held or (natural_frequency_rad_s, damping_ratio)), held=True)
         between = np.diff(stepped.velocity_mm_s, prepend=0.0) * rate
         shake = stepped.acceleration_mm_s2 - between
-        base, v, a = stepped.position_mm, stepped.velocity_mm_s, between
-        if held is None:
+        if held is not None:
+            base, v, a = stepped.position_mm, stepped.velocity_mm_s, between
+        else:
             servo = follow(lines, rate, natural_frequency_rad_s, damping_ratio)
             base, v, a = servo.position_mm, servo.velocity_mm_s, servo.acceleration_mm_s2
     else:

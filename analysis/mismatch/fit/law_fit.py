@@ -170,29 +170,21 @@ def centred(fit: StudyFit) -> StudyFit:
 
     A step of the size alone, its trials' own following, is a long way along a narrow valley.
     """
-    laws = []
-    moved = dict[str, float]()
-    for law in fit.shared.laws:
-        own = [s.coefficients[s.shapes.sizes[law.name]] for s in fit.states if law.name in s.shapes.sizes]
+    for at, law in enumerate(fit.shared.laws):
+        places = [state.shapes.sizes.get(law.name) for state in fit.states]
+        own = [s.coefficients[k] for s, k in zip(fit.states, places, strict=True) if k is not None]
         size, value = law.size, law.values[law.size.name]
         mean = float(np.mean(own)) if own else 0.0
         if len(own) * mean**2 / OF_SITE**2 < DONE or not value:
-            laws.append(law)
             continue
-        whole = float(np.clip(value * np.exp(mean), size.lower, size.upper))
-        laws.append(replace(law, values={**law.values, size.name: whole}))
-        moved[law.name] = float(np.log(whole / value))
-    if not moved:
-        return fit
-    states = []
-    for state in fit.states:
-        coefficients = state.coefficients.copy()
-        for name, step in moved.items():
-            if name in state.shapes.sizes:
-                coefficients[state.shapes.sizes[name]] -= step
-        states.append(replace(state, coefficients=coefficients))
-    shared = replace(fit.shared, laws=tuple(laws))
-    return replace(fit, states=tuple(states), shared=shared)
+        shared = with_value(fit.shared, at, size, size.to_fit(value * float(np.exp(mean))))
+        step = float(np.log(shared.laws[at].values[size.name] / value))
+        states = [
+            replace(s, coefficients=s.coefficients - step * (np.arange(len(s.coefficients)) == k))
+            for s, k in zip(fit.states, places, strict=True)
+        ]
+        fit = replace(fit, states=tuple(states), shared=shared)
+    return fit
 
 
 def bounded_step(

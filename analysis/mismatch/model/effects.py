@@ -158,6 +158,11 @@ def tissue_force(trial: CellTrial, state: TrialState, shared: Shared) -> FloatAr
     return simulate(trial, bare, replace(shared, laws=()))
 
 
+def touches(trial: CellTrial, state: TrialState, shared: Shared) -> NDArray[np.bool_]:
+    """Return where a trial's simulated force is that of a contact, (n,)."""
+    return simulate(trial, replace(state, offset_mn=0.0), shared) > 0.0
+
+
 def simulate(trial: CellTrial, state: TrialState, shared: Shared) -> FloatArray:
     """Return the force (n,) of a trial, mN."""
     added = {acts: state.coefficients[at] @ shapes for acts, (at, shapes) in state.shapes.by_stage.items()}

@@ -212,14 +212,13 @@ def _log_ratio(a: FloatArray, c: FloatArray, size: float, one_sided: bool) -> Fl
 
 def _weigh(event: Event, per_trial: Sequence[tuple[FloatArray, FloatArray, FloatArray]]) -> EventScan:
     n = len(per_trial)
-    norms = [float(np.median(a[0])) for _, a, _ in per_trial if a.size]
+    norms = [norm for _, a, _ in per_trial if a.size and (norm := float(np.median(a[0]))) > 0.0]
     nothing = EventScan(
         event, -np.inf, np.zeros(n), 0.0, 0.0, np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
     )
-    shown = [norm for norm in norms if norm > 0.0]
-    if not shown:
+    if not norms:
         return nothing
-    typical = 1.0 / np.sqrt(float(np.median(shown)))
+    typical = 1.0 / np.sqrt(float(np.median(norms)))
     best = nothing
     for strength in SIZES:
         size = float(strength) * typical

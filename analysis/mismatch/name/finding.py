@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.mismatch.evidence.account import Account, inexactness_mn, law_effects
+from analysis.mismatch.evidence.account import Account
+from analysis.mismatch.evidence.inexactness import inexactness_mn, law_effects
 from analysis.mismatch.fit.gram import solve
 from analysis.mismatch.fit.law_fit import law_prior, vector
 from analysis.mismatch.levels import INEXACT, STRETCHED, TEMPER, TWO_ERRORS, WORTH_NAMING
-from analysis.mismatch.model.effects import TISSUE_SIZE, Law, Shared, simulate
+from analysis.mismatch.model.effects import TISSUE_SIZE, Law, Shared, touches
 from analysis.mismatch.name.lines import Line
 from analysis.mismatch.name.search import Named, Rival
 from analysis.simulation.mechanism import Mechanism, Parameter, library
@@ -228,7 +229,7 @@ def own_sizes(account: Account, mechanism: Mechanism) -> dict[str, Quantity]:
         if mechanism.form == "oscillation":
             # a sine has half of its amplitude's square; what the fit is unsure of adds to the square of what was found
             S = np.array([state.shapes[k].shape for k in mine])
-            shown = trial.counts * (simulate(trial, replace(state, offset_mn=0.0), account.fit.shared) > 0.0)
+            shown = trial.counts * touches(trial, state, account.fit.shared)
             M = 2.0 * (S * shown) @ S.T / max(float(shown.sum()), 1.0)
             unsure = float(np.sum(M * V))
             power = float(c @ M @ c) - unsure

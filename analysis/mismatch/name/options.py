@@ -62,10 +62,9 @@ def worth_trying(options: list[Option], least: float, few: bool) -> list[Option]
     return first + sorted(others, key=lambda o: -o.beside)[:1]
 
 
-def law_options(account: Account, nothing: Account) -> list[Option]:
+def law_options(account: Account, nothing: Account, wanted: list[Template]) -> list[Option]:
     """Return the laws that might be added, weighed beside what the present laws may leave over."""
     fit = account.fit
-    wanted = templates(fit.trials, account.names)
     # of fewer trials none can say how exact a law is
     inexact = account.inexact or (INEXACT if len(fit.trials) >= FEWEST_HELD_OUT else 0.0)
     known = replace(account, inexact=inexact)
@@ -75,19 +74,17 @@ def law_options(account: Account, nothing: Account) -> list[Option]:
     before = predictive_deviance(grams, range(present))
     total = grams.total()
 
-    def weighed(k: int, beside: tuple[int, ...] = ()) -> tuple[float, float]:
-        """Return what a template gains, and its coefficient."""
-        pick = [*range(TISSUE_SIZE + present), *(TISSUE_SIZE + present + b for b in (*beside, k))]
-        coefficients = solve(total, grams.ridge, pick)[0]
+    def weighed(*at: int) -> tuple[float, float]:
+        """Return what templates gain, and the coefficient of the last."""
+        added = [present + k for k in at]
+        coefficients = solve(
+            total, grams.ridge, [*range(TISSUE_SIZE + present), *(TISSUE_SIZE + k for k in added)]
+        )[0]
         # as of a law that was refitted: a size is known to about itself, whatever the scale of these recordings
         ridge = grams.ridge.copy()
-        ridge[pick[TISSUE_SIZE + present :]] = 1.0 / np.maximum(
-            coefficients[TISSUE_SIZE + present :] ** 2, 1e-24
-        )
-        after = predictive_deviance(
-            replace(grams, ridge=ridge), [*range(present), *(present + b for b in (*beside, k))]
-        )
-        if wanted[k].mechanism.one_sided and coefficients[-1] <= 0:
+        ridge[[TISSUE_SIZE + k for k in added]] = 1.0 / np.maximum(coefficients[-len(at) :] ** 2, 1e-24)
+        after = predictive_deviance(replace(grams, ridge=ridge), [*range(present), *added])
+        if wanted[at[-1]].mechanism.one_sided and coefficients[-1] <= 0:
             return 0.0, float(coefficients[-1])
         return 0.5 * float((before - after).sum()), float(coefficients[-1])
 
@@ -99,7 +96,7 @@ def law_options(account: Account, nothing: Account) -> list[Option]:
     most, leader, _ = max((max(found) for found in best.values()), default=(0.0, 0, 0.0))
     for name, found in best.items():
         found.sort(reverse=True)
-        beside = 0.0 if name == wanted[leader].name else weighed(found[0][1], (leader,))[0] - most
+        beside = 0.0 if name == wanted[leader].name else weighed(leader, found[0][1])[0] - most
         starts = found[:1]
         for other in found[1:]:
             if len(starts) < STARTS and all(abs(other[1] - f[1]) >= len(found) / STARTS for f in starts):

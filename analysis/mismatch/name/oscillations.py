@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from analysis.mismatch.fit.study_fit import StudyFit
-from analysis.mismatch.model.effects import OwnShape, simulate
+from analysis.mismatch.model.effects import OwnShape, touches
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.mechanism import library
 
@@ -103,7 +103,7 @@ def scan_oscillations(fit: StudyFit) -> OscillationScan:
     stiffness = []
     for j in skin:
         trial, state = fit.trials[j], fit.states[j]
-        touching = simulate(trial, replace(state, offset_mn=0.0), fit.shared) > 0.0
+        touching = touches(trial, state, fit.shared)
         s = state.tissue
         stiffness.append(s.k0 + s.k1 + s.k2)
         blocks = [waves(trial, float(f)) * touching for f in grid]
@@ -158,7 +158,7 @@ def scan_oscillations(fit: StudyFit) -> OscillationScan:
 def tuned(fit: StudyFit, j: int, near_hz: float, size_mm: float) -> float:
     """Return the frequency about one at which a steady rhythm with its overtones explains most of the j-th trial."""
     trial, state = fit.trials[j], fit.states[j]
-    touching = simulate(trial, replace(state, offset_mn=0.0), fit.shared) > 0.0
+    touching = touches(trial, state, fit.shared)
     stiffness = float(state.tissue.k0 + state.tissue.k1 + state.tissue.k2)
     time_s = trial.time_s
     reach_hz = min(SPACING / coherent_s(near_hz), TUNED_SHARE * near_hz)

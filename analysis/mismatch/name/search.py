@@ -64,11 +64,11 @@ def begun_again(account: Account, name: str, nothing: Account) -> Account:
 
     Its form was chosen by a noise that the mismatch itself had made, and by a tissue bent by it.
     """
-    if sum(t.name == name for t in templates(account.fit.trials)) < 2:
+    forms = [t for t in templates(account.fit.trials) if t.name == name]
+    if len(forms) < 2:
         return account
-    options = law_options(account.exact.stripped(name), nothing)
-    again = (o.refit().reweighed() for o in options if o.name == name)
-    return max((account, *again), key=lambda a: float(a.evidence.sum()))
+    again = (o.refit().reweighed() for o in law_options(account.exact.stripped(name), nothing, forms))
+    return max((account, *again), key=lambda a: a.nats)
 
 
 def considered(account: Account, nothing: Account) -> tuple[Rival, ...]:
@@ -83,11 +83,12 @@ def considered(account: Account, nothing: Account) -> tuple[Rival, ...]:
     explained = account.gain_over(nothing)[0]
     few = len(account.fit.trials) < FEWEST_HELD_OUT
     least = CLOSE * left_over(explained, account.most_inexact)
-    listed = [law_options(account, nothing)]
+    wanted = templates(account.fit.trials, account.names)
+    listed = [law_options(account, nothing, wanted)]
     # what was taken for slow noise is found where none is granted; most of all what comes in each trial anew
     quick = account.quick()
     if quick is not account:
-        listed.append(law_options(quick, nothing))
+        listed.append(law_options(quick, nothing, wanted))
     listed.append(own_options(quick))
     worth = [worth_trying(some, least, few) for some in listed]
     options: dict[str, list[Option]] = {}
@@ -141,7 +142,7 @@ def pruned(account: Account, newest: Rival) -> tuple[Account, dict[str, float]]:
         without = account.without(name).settled()
         if name in account.steps:
             anew = [o.refit().reweighed() for o in own_options(without.quick()) if o.name == name]
-            account = max((account, *anew), key=lambda a: float(a.evidence.sum()))
+            account = max((account, *anew), key=lambda a: a.nats)
         adds[name] = account.gain_over(without)[0]
         if adds[name] < (ENOUGH_OWN if name in account.steps else ENOUGH_SHARED):
             account, adds = without, {}

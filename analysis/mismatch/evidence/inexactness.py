@@ -1,0 +1,109 @@
+"""What laws that are nearly right leave over: off by a share of their size, and in what happens within a sample."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.mismatch.fit.study_fit import StudyFit
+from analysis.mismatch.model.effects import OwnShape, OwnShapes, TrialState, simulate
+from analysis.recordings.trial import PHASE_NAMES
+from analysis.simulation.cells import CellTrial
+
+FloatArray = NDArray[np.float64]
+
+INEXACT_KIND = "inexact"
+PER_PHASE, SMOOTH = 4, 2
+"""Shapes of a law's inexactness in every phase, and how many of them are free in every trial anew."""
+MOMENTS = 2
+"""Of a kernel of a sample's length, in every phase: no recording says what happens within a sample."""
+NEGLIGIBLE = 0.01
+SETTLES_S = 0.02
+"""What of a law comes at once when a phase begins is over in such a time."""
+
+
+def with_inexactness(fit: StudyFit, share: float) -> StudyFit:
+    """Return the fit in which every law may be off by a share of its size, differently in every trial and phase."""
+    names = [law.name for law in fit.shared.laws]
+    states = []
+    for j, state in enumerate(fit.states):
+        own = inexact_columns(fit.trials[j], law_effects(fit, j))
+        kept = [k for k, shape in enumerate(state.shapes) if shape.kind != INEXACT_KIND]
+        per_law = own.shape[1] // max(len(names), 1)
+        added = [
+            OwnShape(names[k // per_law], "force", own[:, k], share**2, 0.0, INEXACT_KIND)
+            for k in range(own.shape[1])
+            if np.any(own[:, k]) and k % per_law % PER_PHASE < SMOOTH
+        ]
+        states.append(
+            replace(
+                state,
+                shapes=OwnShapes((*(state.shapes[k] for k in kept), *added)),
+                coefficients=np.append(state.coefficients[kept], np.zeros(len(added))),
+            )
+        )
+    return replace(fit, states=tuple(states))
+
+
+def inexactness_mn(state: TrialState, law: str) -> FloatArray:
+    """Return by how much a law is off in one trial, (n,) mN, as far as it was granted to be; empty where it was not."""
+    mine = [
+        c * shape.shape
+        for c, shape in zip(state.coefficients, state.shapes, strict=True)
+        if shape.effect == law and shape.kind == INEXACT_KIND
+    ]
+    return np.asarray(np.sum(mine, axis=0)) if mine else np.zeros(0)
+
+
+def law_effects(fit: StudyFit, j: int) -> list[FloatArray]:
+    """Return what each law changes in the j-th trial's force, (n,) mN each."""
+    trial, state, shared = fit.trials[j], fit.states[j], fit.shared
+    whole = simulate(trial, state, shared)
+    found = []
+    for at in range(len(shared.laws)):
+        others = shared.laws[:at] + shared.laws[at + 1 :]
+        found.append(whole - simulate(trial, state, replace(shared, laws=others)))
+    return found
+
+
+def inexact_columns(trial: CellTrial, effects: Sequence[FloatArray]) -> FloatArray:
+    """Return what each law may leave over in every phase of a trial (n, D), mN; coefficients about 0.1.
+
+    Its effect times smooth functions, and a part of it that comes at once when the phase begins: a law that is right to
+    a tenth may act less or more at once. What it so leaves over is expected there, and no evidence for another.
+    """
+    columns = [np.zeros((len(trial.time_s), 0))]
+    for effect in effects:
+        least = NEGLIGIBLE * float(np.abs(effect).max())
+        for code in range(len(PHASE_NAMES)):
+            inside = trial.phase == code
+            columns.append(np.zeros((len(effect), PER_PHASE)))
+            if np.count_nonzero(inside) > 1 and float(np.abs(effect[inside]).max()) > least:
+                mine, t = effect[inside], trial.time_s[inside]
+                # over what the law does there, not over time: it may act in a moment of the phase
+                done = np.cumsum(np.abs(mine) * trial.counts[inside])
+                u = 2.0 * done / max(float(done[-1]), 1e-300) - 1.0
+                at_once = mine[np.argmax(np.abs(mine))] * np.exp((t[0] - t) / SETTLES_S)
+                smooth = (mine, mine * u, mine * (1.5 * u**2 - 0.5))
+                columns[-1][inside] = np.column_stack((*smooth, at_once))
+    return np.hstack(columns)
+
+
+def sample_columns(trial: CellTrial, effects: Sequence[FloatArray]) -> FloatArray:
+    """Return what each law leaves over in every phase of a trial by acting through a kernel (n, D), mN.
+
+    The kernel's first two moments, that of a sample's length each: sooner or later, and less sharply.
+    """
+    sample_s = 1.0 / trial.sample_rate_hz
+    columns = [np.zeros((len(trial.time_s), 0))]
+    for effect in effects:
+        late = sample_s * np.gradient(effect, trial.time_s)
+        spread = 0.5 * sample_s * np.gradient(late, trial.time_s)
+        columns += [
+            np.column_stack((late, spread)) * (trial.phase == code)[:, None]
+            for code in range(len(PHASE_NAMES))
+        ]
+    return np.hstack(columns)

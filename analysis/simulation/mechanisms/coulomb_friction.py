@@ -32,7 +32,7 @@ class CoulombFriction(Mechanism):
     """F gains Fc sign(dx/dt), built up over a little travel and let go over a little time.
 
     The sign is that of Dahl's bristles: they bend over a share ``bristle`` of the study's depth before they slide, and
-    what they hold fades at rest with ``fade_ms``. Both towards zero is the textbook's sign function.
+    what they hold fades at rest with ``fade_ms``, or hardly at all. Both towards zero is the textbook's sign function.
     """
 
     name = "coulomb_friction"
@@ -40,7 +40,7 @@ class CoulombFriction(Mechanism):
     parameters = (
         Parameter("force_mn", "mN", 0.0, 1.0e6),
         Parameter("bristle", "1", 2e-5, 0.05, "log", inner=True),
-        Parameter("fade_ms", "ms", 0.1, 1.0e4, "log", inner=True),
+        Parameter("fade_ms", "ms", 0.1, 1.0e7, "log", inner=True),
     )
     amplitude = "force_mn"
     null = {"force_mn": 0.0, "bristle": 1e-4, "fade_ms": 1.0}

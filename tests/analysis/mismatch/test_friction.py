@@ -1,0 +1,24 @@
+"""Dry friction at rest: it is let go at once, or carried through the whole hold."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from analysis.mismatch.study.intake import take_in_memory
+from analysis.recordings.trial import Trial
+from analysis.simulation.mechanism import library
+from sim_hardware.concealment.offline import study_plans
+
+
+@pytest.mark.parametrize(("fade_ms", "carried"), [(0.1, 0.0), (1e7, 1.0)])
+def test_friction_at_rest_is_let_go_or_carried(
+    record: Callable[..., list[Trial]], fade_ms: float, carried: float
+) -> None:
+    trial = take_in_memory(record(48, plans=study_plans(depths_mm=(0.5,), repeats=1))).trials[0]
+    law = {"force_mn": 2.0, "bristle": 1e-3, "fade_ms": fade_ms}
+    felt = library()["coulomb_friction"].sensor_force_mn(trial, np.zeros_like(trial.time_s), law)
+    at_the_end = np.flatnonzero(trial.in_phase("hold"))[-10:]
+    assert felt[at_the_end] == pytest.approx(2.0 * carried, abs=0.1)

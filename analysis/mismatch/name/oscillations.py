@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +19,8 @@ FloatArray = NDArray[np.float64]
 LOWEST_HZ, HIGHEST_HZ = 0.15, 15.0
 COHERENT_S, COHERENT_CYCLES = 3.0, 5.0
 """Pulse and breath keep their phase and size for about so long, and what is quicker for so many cycles."""
+STEADY_CYCLES = (5.0, 2.5, 1.25)
+"""Or for less: what moves in a narrow band has no phase of its own. What was found is as steady as is likeliest."""
 SPACING = 0.45
 """Of the width of a line: frequencies are looked at so densely."""
 WANDERS = 0.06
@@ -35,7 +38,10 @@ CYCLES = 1.25
 
 @dataclass(frozen=True)
 class OscillationScan:
-    """What all trials say of a surface that oscillates: evidence in nats, frequency and size, each trial's own."""
+    """What all trials say of a surface that oscillates: evidence in nats, frequency and size, each trial's own.
+
+    It keeps its phase and size for ``cycles``.
+    """
 
     evidence: float
     by_trial: FloatArray
@@ -45,29 +51,32 @@ class OscillationScan:
     name: str
     profile: FloatArray
     grid_hz: FloatArray
+    cycles: float = COHERENT_CYCLES
 
 
-def coherent_s(frequency_hz: float) -> float:
+def coherent_s(frequency_hz: float, cycles: float = COHERENT_CYCLES) -> float:
     """Return for how long a rhythm keeps its phase and size, s."""
-    return min(COHERENT_S, COHERENT_CYCLES / frequency_hz)
+    return min(COHERENT_S, cycles / frequency_hz)
 
 
-def knots(trial: CellTrial, frequency_hz: float) -> FloatArray:
+def knots(trial: CellTrial, frequency_hz: float, cycles: float) -> FloatArray:
     """Return hat functions (h, n) between which amplitude and phase wander; one that is constant for slow ones."""
     t = trial.time_s
     length = float(t[-1] - t[0])
-    count = max(1, round(length / max(coherent_s(frequency_hz), CYCLES / frequency_hz)))
+    count = max(1, round(length / max(coherent_s(frequency_hz, cycles), CYCLES / frequency_hz)))
     if count == 1:
         return np.ones((1, len(t)))
     at = np.linspace(t[0], t[-1], count + 1)
     return np.maximum(0.0, 1.0 - np.abs(t - at[:, None]) * count / length)
 
 
-def waves(trial: CellTrial, frequency_hz: float, number: int = 1) -> FloatArray:
+def waves(
+    trial: CellTrial, frequency_hz: float, number: int = 1, cycles: float = COHERENT_CYCLES
+) -> FloatArray:
     """Return cosine and sine of an overtone on every hat of the rhythm, (2h, n), averaged over the cells."""
     phase = 2.0 * np.pi * number * frequency_hz * trial.time_s
     blur = np.sinc(number * frequency_hz * trial.counts / trial.sample_rate_hz)
-    hats = knots(trial, frequency_hz)
+    hats = knots(trial, frequency_hz, cycles)
     return np.vstack([hats * np.cos(phase) * blur, hats * np.sin(phase) * blur])
 
 
@@ -102,19 +111,9 @@ def scan_oscillations(fit: StudyFit) -> OscillationScan:
     energies: list[list[tuple[FloatArray, FloatArray]]] = []
     stiffness = []
     for j in skin:
-        trial, state = fit.trials[j], fit.states[j]
-        touching = touches(trial, state, fit.shared)
-        s = state.tissue
+        s = fit.states[j].tissue
         stiffness.append(s.k0 + s.k1 + s.k2)
-        blocks = [waves(trial, float(f)) * touching for f in grid]
-        sizes = np.cumsum([0, *(len(b) for b in blocks)])
-        white = fit.projectors[j](np.vstack(blocks).T)
-        scores = fit.projectors[j].residual @ white
-        own = []
-        for a, b in zip(sizes[:-1], sizes[1:], strict=True):
-            values, vectors = np.linalg.eigh(white[:, a:b].T @ white[:, a:b])
-            own.append((np.maximum(values, 0.0), (scores[a:b] @ vectors) ** 2))
-        energies.append(own)
+        energies.append(_energies(fit, j, grid.tolist(), COHERENT_CYCLES))
     # what a slow rhythm has fewer of than a quick one stays nothing
     a = np.zeros((len(skin), len(grid), max(len(v) for own in energies for v, _ in own)))
     c2 = np.zeros_like(a)
@@ -128,7 +127,7 @@ def scan_oscillations(fit: StudyFit) -> OscillationScan:
     best = nothing
     for strength in SIZES:
         v = (float(strength) * typical) ** 2
-        ratio = (-0.5 * np.log1p(v * a) + 0.5 * v * c2 / (1.0 + v * a)).sum(axis=2)
+        ratio = _log_ratio(a, c2, v).sum(axis=2)
         profile = np.zeros(len(grid))
         spread = np.zeros_like(ratio)
         for k, f in enumerate(grid):
@@ -152,7 +151,44 @@ def scan_oscillations(fit: StudyFit) -> OscillationScan:
                 profile,
                 grid,
             )
-    return best
+    return _as_steady(fit, best, skin, [float(s) * typical for s in SIZES])
+
+
+def _energies(
+    fit: StudyFit, j: int, frequencies_hz: Sequence[float], cycles: float
+) -> list[tuple[FloatArray, FloatArray]]:
+    """Return the eigenvalues of each rhythm's information in the j-th trial, and its squared scores along them."""
+    trial = fit.trials[j]
+    touching = touches(trial, fit.states[j], fit.shared)
+    blocks = [waves(trial, f, cycles=cycles) * touching for f in frequencies_hz]
+    sizes = np.cumsum([0, *(len(b) for b in blocks)])
+    white = fit.projectors[j](np.vstack(blocks).T)
+    scores = fit.projectors[j].residual @ white
+    own = []
+    for a, b in zip(sizes[:-1], sizes[1:], strict=True):
+        values, vectors = np.linalg.eigh(white[:, a:b].T @ white[:, a:b])
+        own.append((np.maximum(values, 0.0), (scores[a:b] @ vectors) ** 2))
+    return own
+
+
+def _log_ratio(a: FloatArray, c2: FloatArray, v: float) -> FloatArray:
+    """Return the log likelihood ratio of an amplitude of variance v against none, for information a and scores c2."""
+    return -0.5 * np.log1p(v * a) + 0.5 * v * c2 / (1.0 + v * a)
+
+
+def _as_steady(
+    fit: StudyFit, scan: OscillationScan, skin: Sequence[int], sizes: Sequence[float]
+) -> OscillationScan:
+    """Return the scan with the steadiness that is likeliest of what it found."""
+    if not scan.evidence > 0.0:
+        return scan
+    likeliest = -np.inf
+    for cycles in STEADY_CYCLES:
+        own = [_energies(fit, j, [float(scan.own_hz[j])], cycles)[0] for j in skin]
+        nats = max(sum(float(_log_ratio(a, c2, size**2).sum()) for a, c2 in own) for size in sizes)
+        if nats > likeliest:
+            likeliest, scan = nats, replace(scan, cycles=cycles)
+    return scan
 
 
 def tuned(fit: StudyFit, j: int, near_hz: float, size_mm: float) -> float:
@@ -185,12 +221,14 @@ def with_oscillation(fit: StudyFit, scan: OscillationScan, name: str) -> StudyFi
     for j, (trial, state) in enumerate(zip(fit.trials, fit.states, strict=True)):
         if trial.kind == "ramp_hold_retract":
             f = tuned(fit, j, float(scan.own_hz[j]), scan.size_mm)
-            shapes = [OwnShape(name, "surface", w, scan.size_mm**2, f) for w in waves(trial, f)]
+            shapes = [
+                OwnShape(name, "surface", w, scan.size_mm**2, f) for w in waves(trial, f, cycles=scan.cycles)
+            ]
             for number, share in OVERTONES.items():
                 variance = (share * scan.size_mm) ** 2
                 shapes += [
                     OwnShape(name, "surface", w, variance, number * f, HARMONIC)
-                    for w in waves(trial, f, number)
+                    for w in waves(trial, f, number, scan.cycles)
                     if 2.0 * number * f < HIGHEST_HZ
                 ]
             states.append(state.with_shapes(shapes))

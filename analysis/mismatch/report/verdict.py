@@ -148,7 +148,8 @@ def _mechanisms(diagnosis: Diagnosis, kept: Sequence[Finding]) -> tuple[FoundMec
     ]
     position = diagnosis.position
     if position is not None and servo_named(diagnosis):
-        m, (wn, zeta), se = library()[SERVO], diagnosis.intake.servo, position.standard_errors
+        m, se = library()[SERVO], position.standard_errors
+        wn, zeta = diagnosis.intake.servo_held or diagnosis.intake.servo
         servo = {
             "natural_frequency_rad_s": Quantity(wn, wn * se[0], "rad/s"),
             "damping_ratio": Quantity(zeta, zeta * se[1], "1"),

@@ -38,6 +38,8 @@ class Intake:
     setting: Setting = "finger"
     imports: tuple[tuple[str, tuple[str, ...]], ...] = ()
     """File and log of every trial that was imported."""
+    servo_held: tuple[float, float] | None = None
+    """The servo where recordings say that its command stands from sample to sample, which is half a sample of lag."""
 
 
 def take_in(paths: Sequence[Path], *, hold_only: bool = False) -> Intake:
@@ -135,6 +137,7 @@ def _reduce(
         _notes(heads),
         setting,
         tuple((Path(h.path).name, h.log) for h in heads if h.source == "imported"),
+        servo_held=held,
     )
 
 

@@ -39,3 +39,25 @@ def test_the_servo_of_a_drive_is_found_from_its_sweep(tmp_path: Path, wn: float,
     assert not refused
     found, _ = fit_servo([read_trial(imported.path)])
     assert found == pytest.approx((wn, zeta), rel=0.02)
+
+
+def test_an_output_that_steps_is_not_taken_for_a_slower_servo(tmp_path: Path) -> None:
+    """Half a sample of lag is the card's; ramps through a servo as quick as the lever's tell it from the servo's."""
+    random = np.random.default_rng(6)
+    rate_hz, wn, zeta = 8000.0, 3000.0, 0.8
+    time_s = np.arange(int(1.0 * rate_hz)) / rate_hz
+    corners_s = [0.0, 0.15, 0.2, 0.35, 0.4, 0.55, 0.6, 0.75, 0.8, 1.0]
+    command_mm = np.interp(time_s, corners_s, [0.0, 0.0, 0.5, 0.5, 0.0, 0.0, 0.5, 0.5, 0.0, 0.0])
+    position_mm = follow(command_mm, rate_hz, wn, zeta, held=True).position_mm
+    for k in range(10):
+        noisy_mm = position_mm + random.normal(scale=2.5e-4, size=len(time_s))
+        table = np.column_stack([time_s, noisy_mm, random.normal(size=len(time_s)), command_mm])
+        names = "time_s,position_mm,force_mn,command_mm"
+        np.savetxt(tmp_path / f"ramps_{k}.csv", table, delimiter=",", header=names, comments="")
+    files = [tmp_path / f"ramps_{k}.csv" for k in range(10)]
+    imported, refused = import_recordings(files, tmp_path / "trials", "ramp_hold_retract")
+    assert not refused
+    lines, held = fit_servo([read_trial(i.path) for i in imported])
+    # seed fixed; standard errors of a hundredth, so that five of them are allowed
+    assert held == pytest.approx((wn, zeta), rel=0.05)
+    assert lines[0] < 0.95 * wn

@@ -16,13 +16,13 @@ from analysis.simulation.cells import CellTrial
 FloatArray = NDArray[np.float64]
 
 MOST_TIMES = 70
-SLIPS_S, SHIFTS_S = (0.006, 0.002), (0.015, 0.045, 0.135)
+SLIPS_S, SHIFTS_S = (0.006, 0.002), (0.015, 0.03, 0.06, 0.12, 0.24)
 """How long a step may take: a slip is over within milliseconds, skin that shifts is soft and takes ten or more.
 
 By nothing else is a drop for which the surface gives way told from a shift away from the arm.
 """
-STRETCH = 1.5
-"""The ratio of neighbouring rises, at most: what lies between them is left to a shape of its own."""
+STRETCH, BENT = 2.25, 5
+"""No step is a straight ramp: within so many of its rises it is a smooth one, and has so many shapes of its own."""
 SHARES = np.array([0.1, 0.2, 0.35, 0.5, 0.7, 0.9, 0.999])
 SIZES = np.geomspace(3.0, 3e4, 17)
 """Sizes of a step, in noise standard deviations of a typical trial."""
@@ -33,7 +33,6 @@ PROMISING = 12.0
 """Chi2 of the best of some times without which no closer look is taken: noise reaches it once in fifty trials."""
 FINER = (0.8, 0.2, 0.05, 0.012)
 """Widths, in gaps between times, of the looks that are taken about the best."""
-JITTER_S = 3e-4
 AFTER = 0.03
 """Share of a phase that must follow a step."""
 
@@ -61,10 +60,9 @@ SETTLES = 0.1
 
 @dataclass(frozen=True)
 class EventScan:
-    """What all trials say of one kind of step: evidence in nats, share of trials, size, and each trial's own.
+    """What all trials say of one kind of step: evidence in nats, share of trials, size, and each trial's own (n,).
 
-    ``log_ratio`` (n,) is each trial's ln of the marginal likelihood with a step over that without; ``times_s`` and
-    ``coefficients`` the most probable time and size (in the unit of the state) of a step there.
+    ``times_s`` and ``coefficients`` are the most probable time and size (in the unit of the state) of a step there.
     """
 
     event: Event
@@ -88,6 +86,27 @@ def step_shape(trial: CellTrial, time_s: float, rise_s: float) -> FloatArray:
 
     since = trial.time_s - time_s
     return np.asarray((integral(since + half) - integral(since - half)) / (2.0 * half))
+
+
+def bent_shapes(trial: CellTrial, time_s: float, rise_s: float) -> FloatArray:
+    """Return how a step may rise otherwise (BENT, n), as means over cells; each is nothing before and after.
+
+    Speeds within -1 < u < 1 are those of a smooth step, (1 - u^2)^2, less the ramp's own, and that times u^k less what
+    would be a step.
+    """
+    half_s = 0.5 * STRETCH * rise_s
+    u = np.linspace(-1.0, 1.0, 801)
+    smooth = (1.0 - u**2) ** 2
+    ramp = (np.abs(u) < 1.0 / STRETCH).astype(float)
+    speeds = [smooth / smooth.sum() - ramp / ramp.sum()]
+    for k in range(1, BENT):
+        bent = smooth * u**k
+        speeds.append((bent - smooth * bent.sum() / smooth.sum()) / np.abs(bent).sum())
+    # from speeds to places, and from these to what they add up to
+    area = np.cumsum(np.cumsum(speeds, axis=1), axis=1) * (u[1] - u[0])
+    half = 0.5 * trial.counts / trial.sample_rate_hz
+    before, after = ((trial.time_s - time_s + sign * half) / half_s for sign in (-1.0, 1.0))
+    return np.array([np.interp(after, u, a) - np.interp(before, u, a) for a in area]) * half_s / (2.0 * half)
 
 
 def at_rest(trial: CellTrial, phases: Sequence[str]) -> FloatArray:
@@ -268,17 +287,14 @@ def with_events(fit: StudyFit, scan: EventScan) -> StudyFit:
         size = max(scan.size, abs(float(scan.coefficients[j])))
         step = step_shape(trial, time_s, rise_s) * unit
         since = np.maximum(trial.time_s - time_s, 0.0)
-        early, late = (step_shape(trial, time_s + d, rise_s) for d in (-JITTER_S, JITTER_S))
-        jitter = (early - late) * unit / (2.0 * JITTER_S)
         shapes = [OwnShape(name, acts, step, size**2, time_s)]
         shapes += [
             OwnShape(name, acts, step * -np.expm1(-since / t), (SETTLES * size) ** 2, time_s, CREEP)
             for t in SETTLES_S
         ]
-        shapes.append(OwnShape(name, acts, jitter, (JITTER_S * size) ** 2, time_s, CREEP))
-        longer = (
-            step_shape(trial, time_s, rise_s * STRETCH) - step_shape(trial, time_s, rise_s / STRETCH)
-        ) * unit
-        shapes.append(OwnShape(name, acts, longer, size**2, time_s, CREEP))
+        shapes += [
+            OwnShape(name, acts, bent * unit, size**2, time_s, CREEP)
+            for bent in bent_shapes(trial, time_s, rise_s)
+        ]
         states.append(state.with_shapes(shapes, float(scan.coefficients[j])))
     return replace(fit, states=tuple(states))

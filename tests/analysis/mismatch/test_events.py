@@ -1,0 +1,31 @@
+"""Steps of the skin: how they rise is no straight ramp, and is left open."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from analysis.mismatch.name.events import SHIFTS_S, bent_shapes, step_shape
+from analysis.mismatch.study.intake import take_in_memory
+from analysis.recordings.trial import Trial
+from sim_hardware.concealment.offline import study_plans
+
+
+@pytest.mark.parametrize("lasts_s", [0.02, 0.05, 0.1, 0.2, 0.35])
+def test_a_smooth_step_is_one_of_the_forms_bent(record: Callable[..., list[Trial]], lasts_s: float) -> None:
+    """What is S-shaped leaves less than a fiftieth of itself about its time, and nothing before or after."""
+    trial = take_in_memory(record(47, plans=study_plans(depths_mm=(0.5,), repeats=1))).trials[0]
+    at_s = 0.5 * (trial.time_s[trial.in_phase("hold")][0] + trial.time_s[trial.in_phase("hold")][-1])
+    # a logistic step, three quarters of it within a quarter of the time it lasts about its middle
+    fine = np.linspace(-0.5, 0.5, 9)
+    since_s = trial.time_s - at_s + np.multiply.outer(fine, trial.counts / trial.sample_rate_hz)
+    surface = (1.0 / (1.0 + np.exp(-np.clip(9.0 * since_s / lasts_s, -60.0, 60.0)))).mean(axis=0)
+    left = []
+    for rise_s in SHIFTS_S:
+        bent = bent_shapes(trial, at_s, rise_s)
+        columns = np.vstack([step_shape(trial, at_s, rise_s), bent]).T
+        left.append(np.abs(surface - columns @ np.linalg.lstsq(columns, surface)[0]).max())
+        assert not np.any(bent[:, np.abs(trial.time_s - at_s) > 1.5 * rise_s + 0.02])
+    assert min(left) < 0.02

@@ -11,6 +11,7 @@ from scipy.optimize import lsq_linear
 
 from analysis.mismatch.fit.gram import gram
 from analysis.mismatch.fit.study_fit import StudyFit
+from analysis.mismatch.levels import STRETCHED
 from analysis.mismatch.model.effects import TISSUE_SIZE, Law, Shared, TrialState, delayed, simulate
 from analysis.mismatch.model.population import OF_SITE
 from analysis.simulation.cells import CellTrial
@@ -229,3 +230,29 @@ def _stepped(fit: StudyFit, step: FloatArray) -> StudyFit:
     )
     population = replace(fit.population, mean=mean)
     return replace(fit, shared=shared, states=states, population=population).with_states(rounds=5, near=fit)
+
+
+def at_bound(law: Law) -> bool:
+    """Whether what a law is like ended at a limit, or within it far from the textbook: it is not the right one."""
+    precision, centre = law_prior([law])
+    values = vector(Shared((law,)))
+    inner = [p.inner for p in law.parameters]
+    away = np.abs(values - centre)[:-1] * np.sqrt(precision[:-1])
+    if np.any(away[inner] > STRETCHED):
+        return True
+    return any(
+        _ended(p, law.values[p.name], law.mechanism.null[p.name]) for p in law.parameters if not p.inner
+    )
+
+
+def _ended(p: Parameter, value: float, null: float) -> bool:
+    """Whether a parameter lies at an end of its range at which its law is not nothing."""
+    lower, upper = ends(p, value)
+    return (lower and min(p.to_fit(p.lower), p.to_fit(p.upper)) != p.to_fit(null)) or upper
+
+
+def ends(p: Parameter, value: float) -> tuple[bool, bool]:
+    """Whether a parameter lies at the lower and at the upper end of its range."""
+    here, ends = p.to_fit(value), sorted((p.to_fit(p.lower), p.to_fit(p.upper)))
+    near = 1e-6 * max(1.0, abs(here))
+    return here - ends[0] <= near, ends[1] - here <= near

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.evidence.inexactness import inexactness_mn, law_effects
 from analysis.mismatch.fit.gram import solve
-from analysis.mismatch.fit.law_fit import law_prior, vector
-from analysis.mismatch.levels import INEXACT, STRETCHED, TEMPER, TWO_ERRORS, WORTH_NAMING
-from analysis.mismatch.model.effects import TISSUE_SIZE, Law, Shared, touches
+from analysis.mismatch.fit.law_fit import at_bound, ends
+from analysis.mismatch.levels import INEXACT, TEMPER, TWO_ERRORS, WORTH_NAMING
+from analysis.mismatch.model.effects import TISSUE_SIZE, Law, touches
 from analysis.mismatch.name.lines import Line
 from analysis.mismatch.name.search import Named, Rival
-from analysis.simulation.mechanism import Mechanism, Parameter, library
+from analysis.simulation.mechanism import Mechanism, library
 
 FloatArray = NDArray[np.float64]
 
@@ -112,10 +112,9 @@ def weighed(
     for r in rivals:
         if r.name == mechanism.name or r.name in present or r.name not in library():
             continue
-        if any(at_bound(law) for law in r.account.fit.shared.laws if law.name == r.name):
+        if r.at_bound:
             continue
-        behind = own.account.evidence - r.account.evidence
-        lead, error = float(behind.sum()), float(np.std(behind) * np.sqrt(len(behind)))
+        lead, error = own.account.gain_over(r.account)
         logits[r.name] = -max(lead - INEXACT * own.gain, 0.0) / temperature
         if lead < TWO_ERRORS * error:
             close.add(r.name)
@@ -130,32 +129,6 @@ def weighed(
     return mine, dict(sorted(kept.items(), key=lambda item: -item[1]))
 
 
-def at_bound(law: Law) -> bool:
-    """Whether what a law is like ended at a limit, or within it far from the textbook: it is not the right one."""
-    precision, centre = law_prior([law])
-    values = vector(Shared((law,)))
-    inner = [p.inner for p in law.parameters]
-    away = np.abs(values - centre)[:-1] * np.sqrt(precision[:-1])
-    if np.any(away[inner] > STRETCHED):
-        return True
-    return any(
-        _ended(p, law.values[p.name], law.mechanism.null[p.name]) for p in law.parameters if not p.inner
-    )
-
-
-def _ended(p: Parameter, value: float, null: float) -> bool:
-    """Whether a parameter lies at an end of its range at which its law is not nothing."""
-    lower, upper = _ends(p, value)
-    return (lower and min(p.to_fit(p.lower), p.to_fit(p.upper)) != p.to_fit(null)) or upper
-
-
-def _ends(p: Parameter, value: float) -> tuple[bool, bool]:
-    """Whether a parameter lies at the lower and at the upper end of its range."""
-    here, ends = p.to_fit(value), sorted((p.to_fit(p.lower), p.to_fit(p.upper)))
-    near = 1e-6 * max(1.0, abs(here))
-    return here - ends[0] <= near, ends[1] - here <= near
-
-
 def law_sizes(account: Account, law: Law) -> dict[str, Quantity]:
     """Return a law's reported parameters with their errors, tissue and inexactness free.
 
@@ -164,7 +137,7 @@ def law_sizes(account: Account, law: Law) -> dict[str, Quantity]:
     fit = account.fit
     N, ridge = account.grams.total(), account.grams.ridge
     parameters = [(p, other.values[p.name]) for other in fit.shared.laws for p in other.parameters]
-    held = {TISSUE_SIZE + k for k, (p, value) in enumerate(parameters) if p.inner and any(_ends(p, value))}
+    held = {TISSUE_SIZE + k for k, (p, value) in enumerate(parameters) if p.inner and any(ends(p, value))}
     pick = [k for k in range(TISSUE_SIZE + account.grams.n_added) if k not in held]
     errors = np.zeros(TISSUE_SIZE + account.grams.n_added)
     errors[pick] = np.sqrt(np.maximum(np.diag(solve(N, ridge, pick)[1]), 0.0))

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from analysis.mismatch.evidence.account import Account
+from analysis.mismatch.fit.law_fit import at_bound
 from analysis.mismatch.levels import (
     CLOSE,
     ENOUGH_OWN,
@@ -14,6 +16,7 @@ from analysis.mismatch.levels import (
     KEPT,
     MOST_EFFECTS,
     ROUGH,
+    TWO_ERRORS,
 )
 from analysis.mismatch.model.dictionary import templates
 from analysis.mismatch.name.options import Option, law_options, own_options, worth_trying
@@ -31,6 +34,16 @@ class Rival:
     error: float
     account: Account
     left: float = 0.0
+
+    @property
+    def at_bound(self) -> bool:
+        """Whether its law ended where it is no longer what the textbook says."""
+        return any(at_bound(law) for law in self.account.fit.shared.laws if law.name == self.name)
+
+    def as_good_as(self, other: Rival) -> bool:
+        """Whether another leads by no more than paired errors, or than laws are right to."""
+        lead, error = other.account.gain_over(self.account)
+        return lead <= max(TWO_ERRORS * error, INEXACT * other.gain)
 
 
 @dataclass(frozen=True)
@@ -60,14 +73,19 @@ def search(account: Account) -> Named:
 
 
 def begun_again(account: Account, name: str, nothing: Account) -> Account:
-    """Return the account with a law of several forms begun from each of them, if it then predicts better.
+    """Return the account with what was added last begun from each of its forms or times, if it then predicts better.
 
-    Its form was chosen by a noise that the mismatch itself had made, and by a tissue bent by it.
+    They were chosen by a noise that the mismatch itself had made, and by a tissue bent by it.
     """
+    stripped = account.exact.stripped(name)
     forms = [t for t in templates(account.fit.trials) if t.name == name]
-    if len(forms) < 2:
+    if name in account.steps:
+        options = own_options(stripped)
+    elif len(forms) > 1:
+        options = law_options(stripped, nothing, forms)
+    else:
         return account
-    again = (o.refit().reweighed() for o in law_options(account.exact.stripped(name), nothing, forms))
+    again = (o.refit().reweighed() for o in options if o.name == name)
     return max((account, *again), key=lambda a: a.nats)
 
 
@@ -121,7 +139,17 @@ def considered(account: Account, nothing: Account) -> tuple[Rival, ...]:
         its_own = gain - max(refitted.granted - account.granted, 0.0)
         if gain >= max(option.enough, error, left) and its_own >= KEPT * gain:
             found.append(Rival(option.name, gain, error, refitted.let_go(), left))
-    return tuple(sorted(found, key=lambda r: -r.gain))
+    return best_first(found)
+
+
+def best_first(found: Sequence[Rival]) -> tuple[Rival, ...]:
+    """Return rivals by what they gain; a law at the end of its range makes way for one that explains as much within it.
+
+    There it is another law, which the library has not.
+    """
+    listed = sorted(found, key=lambda r: -r.gain)
+    first = next((r for r in listed if not r.at_bound and r.as_good_as(listed[0])), None)
+    return tuple(sorted(listed, key=lambda r: r is not first))
 
 
 def left_over(explained: float, inexact: float) -> float:

@@ -1,0 +1,37 @@
+"""Which of several effects is taken first: the one that says most, unless its law is no longer itself."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import cast
+
+import numpy as np
+
+from analysis.mismatch.evidence.account import Account
+from analysis.mismatch.fit.study_fit import StudyFit
+from analysis.mismatch.model.effects import Law, Shared
+from analysis.mismatch.name.search import Rival, best_first
+from analysis.simulation.mechanism import library
+
+
+def _rival(name: str, time_constant_s: float, of_trials: list[float]) -> Rival:
+    """Return a rival without a fit, of which only the evidence of each trial is known."""
+    law = Law(
+        library()[name],
+        {"ratio_to_k0": 0.3, "time_constant_s": time_constant_s},
+        ("ratio_to_k0", "time_constant_s"),
+    )
+    account = Account(cast(StudyFit, SimpleNamespace(shared=Shared((law,)))))
+    account.__dict__["evidence"] = np.array(of_trials)
+    return Rival(name, float(np.sum(of_trials)), 1.0, account)
+
+
+def test_a_law_at_the_end_of_its_range_makes_way_for_one_within_it() -> None:
+    ended = _rival("poroelastic_drainage", 300.0, [30.0, 32.0, 31.0])
+    within = _rival("third_relaxation", 50.0, [31.0, 31.0, 29.0])
+    assert best_first([ended, within]) == (within, ended)
+    # but not for one that says less, nor does one within its range make way
+    far_behind = _rival("third_relaxation", 50.0, [10.0, 11.0, 9.0])
+    assert best_first([far_behind, ended]) == (ended, far_behind)
+    better = _rival("poroelastic_drainage", 30.0, [30.0, 32.0, 31.0])
+    assert best_first([within, better]) == (better, within)

@@ -18,7 +18,8 @@ def test_friction_at_rest_is_let_go_or_carried(
     record: Callable[..., list[Trial]], fade_ms: float, carried: float
 ) -> None:
     trial = take_in_memory(record(48, plans=study_plans(depths_mm=(0.5,), repeats=1))).trials[0]
-    law = {"force_mn": 2.0, "bristle": 1e-3, "fade_ms": fade_ms}
+    law = {"force_mn": 2.0, "bristle": 0.02, "fade_ms": fade_ms}
     felt = library()["coulomb_friction"].sensor_force_mn(trial, np.zeros_like(trial.time_s), law)
     at_the_end = np.flatnonzero(trial.in_phase("hold"))[-10:]
-    assert felt[at_the_end] == pytest.approx(2.0 * carried, abs=0.1)
+    # the arm never quite rests: what is known of its motion bends the bristles a little
+    assert felt[at_the_end] == pytest.approx(2.0 * carried, abs=0.2)

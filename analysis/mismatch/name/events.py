@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import log_ndtr, logsumexp
 
-from analysis.mismatch.fit.study_fit import StudyFit
-from analysis.mismatch.model.effects import Acts, OwnShape, TrialState, simulate
+from analysis.mismatch.model.effects import Acts, TrialState
 from analysis.simulation.cells import CellTrial
 
 FloatArray = NDArray[np.float64]
 
-MOST_TIMES = 70
 SLIPS_S, SHIFTS_S = (0.006, 0.002), (0.015, 0.03, 0.06, 0.12, 0.24)
 """How long a step may take: a slip is over within milliseconds, skin that shifts is soft and takes ten or more.
 
@@ -23,57 +19,32 @@ By nothing else is a drop for which the surface gives way told from a shift away
 """
 STRETCH, BENT = 2.25, 5
 """No step is a straight ramp: within so many of its rises it is a smooth one, and has so many shapes of its own."""
-SHARES = np.array([0.1, 0.2, 0.35, 0.5, 0.7, 0.9, 0.999])
-SIZES = np.geomspace(3.0, 3e4, 17)
-"""Sizes of a step, in noise standard deviations of a typical trial."""
-UNKNOWN_SIZE_AND_SHARE = 3.0
-"""What two numbers fitted to some 20 trials are worth, in nats: half of ln 20 each."""
-REFINED = 2
-PROMISING = 12.0
-"""Chi2 of the best of some times without which no closer look is taken: noise reaches it once in fifty trials."""
-FINER = (0.8, 0.2, 0.05, 0.012)
-"""Widths, in gaps between times, of the looks that are taken about the best."""
-AFTER = 0.03
-"""Share of a phase that must follow a step."""
 
 
 @dataclass(frozen=True)
 class Event:
-    """A kind of step: whether it has one sign only, its unit, and its forms: how it acts and how long it takes (s)."""
+    """A kind of step: whether it has one sign only, its unit, and its forms: how it acts and how long it takes (s).
+
+    One that ``returns`` is over after twice as long: no law of the library does so.
+    """
 
     name: str
     one_sided: bool
     unit: float
     forms: tuple[tuple[Acts, float], ...]
     phases: tuple[str, ...]
+    returns: bool = False
 
 
 EVENTS = (
     Event("slip", True, 1.0, tuple((a, r) for a in ("share", "surface") for r in SLIPS_S), ("hold",)),
     Event("motion_artefact", False, 1e-3, tuple(("surface", r) for r in SHIFTS_S), ("dwell", "hold")),
+    Event("transient", False, 1e-3, tuple(("surface", r) for r in SHIFTS_S), ("dwell", "hold"), returns=True),
 )
 SETTLES_S = (0.03, 0.5, 3.0)
 CREEP = "creep"
 SETTLES = 0.1
 """No step stays exactly as it was: it may creep by a tenth of its size with these times."""
-
-
-@dataclass(frozen=True)
-class EventScan:
-    """What all trials say of one kind of step: evidence in nats, share of trials, size, and each trial's own (n,).
-
-    ``times_s`` and ``coefficients`` are the most probable time and size (in the unit of the state) of a step there.
-    """
-
-    event: Event
-    evidence: float
-    by_trial: FloatArray
-    share: float
-    size: float
-    probability: FloatArray
-    times_s: FloatArray
-    forms: FloatArray
-    coefficients: FloatArray
 
 
 def step_shape(trial: CellTrial, time_s: float, rise_s: float) -> FloatArray:
@@ -88,57 +59,35 @@ def step_shape(trial: CellTrial, time_s: float, rise_s: float) -> FloatArray:
     return np.asarray((integral(since + half) - integral(since - half)) / (2.0 * half))
 
 
-def bent_shapes(trial: CellTrial, time_s: float, rise_s: float) -> FloatArray:
-    """Return how a step may rise otherwise (BENT, n), as means over cells; each is nothing before and after.
+def event_shape(event: Event, trial: CellTrial, time_s: float, rise_s: float) -> FloatArray:
+    """Return what an event of size 1 does (n,): a step, or a rise and a fall."""
+    if not event.returns:
+        return step_shape(trial, time_s, rise_s)
+    return step_shape(trial, time_s - rise_s, rise_s) - step_shape(trial, time_s + rise_s, rise_s)
+
+
+def bent_shapes(event: Event, trial: CellTrial, time_s: float, rise_s: float) -> FloatArray:
+    """Return how an event may go otherwise (BENT, n), as means over cells; each is nothing before and after.
 
     Speeds within -1 < u < 1 are those of a smooth step, (1 - u^2)^2, less the ramp's own, and that times u^k less what
-    would be a step.
+    would be a step. What returns is at such places instead.
     """
-    half_s = 0.5 * STRETCH * rise_s
+    half_s = (1.0 if event.returns else 0.5) * STRETCH * rise_s
     u = np.linspace(-1.0, 1.0, 801)
     smooth = (1.0 - u**2) ** 2
-    ramp = (np.abs(u) < 1.0 / STRETCH).astype(float)
-    speeds = [smooth / smooth.sum() - ramp / ramp.sum()]
-    for k in range(1, BENT):
-        bent = smooth * u**k
-        speeds.append((bent - smooth * bent.sum() / smooth.sum()) / np.abs(bent).sum())
-    # from speeds to places, and from these to what they add up to
-    area = np.cumsum(np.cumsum(speeds, axis=1), axis=1) * (u[1] - u[0])
+    if event.returns:
+        places = np.array([smooth * u**k for k in range(BENT)])
+    else:
+        ramp = (np.abs(u) < 1.0 / STRETCH).astype(float)
+        speeds = [smooth / smooth.sum() - ramp / ramp.sum()]
+        for k in range(1, BENT):
+            bent = smooth * u**k
+            speeds.append((bent - smooth * bent.sum() / smooth.sum()) / np.abs(bent).sum())
+        places = np.cumsum(speeds, axis=1)
+    area = np.cumsum(places, axis=1) * (u[1] - u[0])
     half = 0.5 * trial.counts / trial.sample_rate_hz
     before, after = ((trial.time_s - time_s + sign * half) / half_s for sign in (-1.0, 1.0))
     return np.array([np.interp(after, u, a) - np.interp(before, u, a) for a in area]) * half_s / (2.0 * half)
-
-
-def at_rest(trial: CellTrial, phases: Sequence[str]) -> FloatArray:
-    """Return from when to when (P, 2) a step may lie in each phase, s.
-
-    It must be seen to stay: at the very end of a phase it is one of the motion that follows.
-    """
-    spans = []
-    for name in phases:
-        cells = np.flatnonzero(trial.in_phase(name))
-        if len(cells) > 4:
-            first, last = trial.time_s[cells[[2, -3]]]
-            spans.append((first, last - AFTER * (last - first)))
-    return np.array(spans).reshape(-1, 2)
-
-
-def within(spans: FloatArray, times: FloatArray) -> FloatArray:
-    """Return those of some times (T,) that lie in one of the spans (P, 2)."""
-    return times[((times[:, None] >= spans[:, 0]) & (times[:, None] < spans[:, 1])).any(axis=1)]
-
-
-def candidate_times(trial: CellTrial, phases: Sequence[str]) -> FloatArray:
-    """Return times at rest in contact where a step may lie, evenly spread, no finer than the cells."""
-    spans = at_rest(trial, phases)
-    every = within(spans, trial.time_s)
-    total = float(np.diff(spans).sum())
-    times, last = [], -np.inf
-    for t in every:
-        if t - last >= total / MOST_TIMES:
-            times.append(float(t))
-            last = float(t)
-    return np.array(times)
 
 
 def one_unit(event: Event, acts: Acts, trial: CellTrial, state: TrialState, force_mn: FloatArray) -> float:
@@ -154,147 +103,3 @@ def one_unit(event: Event, acts: Acts, trial: CellTrial, state: TrialState, forc
         s = state.tissue
         return -1.0 / float(s.k0 + s.k1 + s.k2)
     return 1.0
-
-
-def scan_events(fit: StudyFit, events: Sequence[Event] = EVENTS) -> list[EventScan]:
-    """Weigh each kind of step in every trial at every time, sizes and shares marginalised or at their best."""
-    per_trial: dict[str, list[tuple[FloatArray, FloatArray, FloatArray]]] = {e.name: [] for e in events}
-    for j, trial in enumerate(fit.trials):
-        for event in events:
-            pressed = trial.kind == "ramp_hold_retract"
-            times = candidate_times(trial, event.phases) if pressed else np.zeros(0)
-            if not len(times):
-                per_trial[event.name].append((times, times, times))  # nothing pressed
-                continue
-            per_trial[event.name].append(_refined(fit, j, event, times))
-    return [_weigh(e, per_trial[e.name]) for e in events]
-
-
-def _refined(
-    fit: StudyFit, j: int, event: Event, times: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return places (2, G: time and form), norms and weights (2, G), scores (G,), more densely about the best.
-
-    All times are looked at with the first form, the others about the best time: which one it is shows where times lie
-    no further apart than a step takes.
-    """
-    spans = at_rest(fit.trials[j], event.phases)
-    places = np.vstack([times, np.zeros(len(times))])
-    a, c = _scores(fit, j, event, times, 0)
-    gap = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
-    weight = np.ones(len(times))
-    promising = float(np.max(c**2 / np.maximum(a, 1e-12))) > PROMISING
-    for width in FINER if promising else ():
-        best = places[:, np.argsort(-(c**2) / np.maximum(a, 1e-12))[: REFINED if width > 0.1 else 1]]
-        forms = range(len(event.forms)) if width > FINER[-1] else np.unique(best[1].astype(int))
-        fine = np.unique(np.concatenate([b + gap * width * np.linspace(-1.0, 1.0, 6) for b in best[0]]))
-        fine = within(spans, fine)
-        for form in forms:
-            fine_a, fine_c = _scores(fit, j, event, fine, form)
-            places = np.hstack([places, np.vstack([fine, np.full(len(fine), form)])])
-            # a fine time stands for a smaller part of the trial than a coarse one
-            weight = np.concatenate([weight, np.full(len(fine), 0.3 * width / len(event.forms))])
-            a, c = np.concatenate([a, fine_a]), np.concatenate([c, fine_c])
-    return places, np.vstack([a, weight]), c
-
-
-def _scores(
-    fit: StudyFit, j: int, event: Event, times: FloatArray, form: int
-) -> tuple[FloatArray, FloatArray]:
-    """Return squared norm and score (G,) of a unit step at each time."""
-    trial, state = fit.trials[j], fit.states[j]
-    base = simulate(trial, state, fit.shared)
-    columns = np.empty((len(base), len(times)))
-    acts, rise_s = event.forms[form]
-    unit = one_unit(event, acts, trial, state, base - state.offset_mn)
-    for k, time_s in enumerate(times):
-        shape = OwnShape(
-            event.name,
-            acts,
-            step_shape(trial, float(time_s), rise_s) * unit,
-            1.0,
-        )
-        columns[:, k] = simulate(trial, state.with_shapes([shape], event.unit), fit.shared) - base
-    projector = fit.projectors[j]
-    white = projector(columns)
-    return np.einsum("nk,nk->k", white, white), projector.residual @ white
-
-
-def _log_ratio(a: FloatArray, c: FloatArray, size: float, one_sided: bool) -> FloatArray:
-    """Return ln of the marginal likelihood ratio (G,) of a step whose size is normal (or half normal) about zero."""
-    v = size**2
-    found = -0.5 * np.log1p(v * a) + 0.5 * v * c**2 / (1.0 + v * a)
-    if one_sided:
-        found = found + np.log(2.0) + log_ndtr(c * size / np.sqrt(1.0 + v * a))
-    return np.asarray(found)
-
-
-def _weigh(event: Event, per_trial: Sequence[tuple[FloatArray, FloatArray, FloatArray]]) -> EventScan:
-    n = len(per_trial)
-    norms = [norm for _, a, _ in per_trial if a.size and (norm := float(np.median(a[0]))) > 0.0]
-    nothing = EventScan(
-        event, -np.inf, np.zeros(n), 0.0, 0.0, np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
-    )
-    if not norms:
-        return nothing
-    typical = 1.0 / np.sqrt(float(np.median(norms)))
-    best = nothing
-    for strength in SIZES:
-        size = float(strength) * typical
-        ratios = np.zeros(n)
-        for j, (times, a, c) in enumerate(per_trial):
-            if times.size:
-                w = a[1]
-                ratios[j] = logsumexp(_log_ratio(a[0], c, size, event.one_sided), b=w / w.sum())
-        for share in SHARES:
-            by_trial = np.logaddexp(np.log1p(-share), np.log(share) + ratios)
-            if float(by_trial.sum()) > best.evidence:
-                probability = np.exp(np.log(share) + ratios - by_trial)
-                best = replace(
-                    nothing,
-                    evidence=float(by_trial.sum()),
-                    by_trial=by_trial,
-                    share=float(share),
-                    size=size,
-                    probability=probability,
-                )
-    times_s, forms, coefficients = np.zeros(n), np.zeros(n), np.zeros(n)
-    for j, (times, a, c) in enumerate(per_trial):
-        if times.size:
-            k = int(np.argmax(_log_ratio(a[0], c, best.size, event.one_sided)))
-            times_s[j], forms[j] = times[:, k]
-            coefficients[j] = event.unit * c[k] / (a[0][k] + 1.0 / best.size**2)
-    return replace(
-        best,
-        evidence=best.evidence - UNKNOWN_SIZE_AND_SHARE,
-        size=best.size * event.unit,
-        times_s=times_s,
-        forms=forms,
-        coefficients=coefficients,
-    )
-
-
-def with_events(fit: StudyFit, scan: EventScan) -> StudyFit:
-    """Return the fit with a step in every trial that more likely has one than not, free to creep a little."""
-    name = scan.event.name
-    states = []
-    for j, (trial, state) in enumerate(zip(fit.trials, fit.states, strict=True)):
-        if scan.probability[j] <= 0.5:
-            states.append(state)
-            continue
-        time_s, (acts, rise_s) = float(scan.times_s[j]), scan.event.forms[int(scan.forms[j])]
-        unit = one_unit(scan.event, acts, trial, state, fit.force_mn(j) - state.offset_mn)
-        size = max(scan.size, abs(float(scan.coefficients[j])))
-        step = step_shape(trial, time_s, rise_s) * unit
-        since = np.maximum(trial.time_s - time_s, 0.0)
-        shapes = [OwnShape(name, acts, step, size**2, time_s)]
-        shapes += [
-            OwnShape(name, acts, step * -np.expm1(-since / t), (SETTLES * size) ** 2, time_s, CREEP)
-            for t in SETTLES_S
-        ]
-        shapes += [
-            OwnShape(name, acts, bent * unit, size**2, time_s, CREEP)
-            for bent in bent_shapes(trial, time_s, rise_s)
-        ]
-        states.append(state.with_shapes(shapes, float(scan.coefficients[j])))
-    return replace(fit, states=tuple(states))

@@ -15,7 +15,7 @@ from analysis.mismatch.evidence.inexactness import law_effects, sample_columns
 from analysis.mismatch.fit.baseline import noise_left
 from analysis.mismatch.fit.slow_noise import change_in_a_second
 from analysis.mismatch.model.dictionary import templates
-from analysis.mismatch.name.events import at_rest, candidate_times, within
+from analysis.mismatch.name.event_scan import at_rest, candidate_times, within
 from analysis.mismatch.name.finding import weighed
 from analysis.mismatch.name.search import Rival
 from analysis.mismatch.report.contents import Report

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from analysis.mismatch.name.events import SHIFTS_S, bent_shapes, step_shape
+from analysis.mismatch.name.events import EVENTS, SHIFTS_S, bent_shapes, step_shape
 from analysis.mismatch.study.intake import take_in_memory
 from analysis.recordings.trial import Trial
 from sim_hardware.concealment.offline import study_plans
@@ -22,9 +22,10 @@ def test_a_smooth_step_is_one_of_the_forms_bent(record: Callable[..., list[Trial
     fine = np.linspace(-0.5, 0.5, 9)
     since_s = trial.time_s - at_s + np.multiply.outer(fine, trial.counts / trial.sample_rate_hz)
     surface = (1.0 / (1.0 + np.exp(-np.clip(9.0 * since_s / lasts_s, -60.0, 60.0)))).mean(axis=0)
+    shift = next(e for e in EVENTS if e.name == "motion_artefact")
     left = []
     for rise_s in SHIFTS_S:
-        bent = bent_shapes(trial, at_s, rise_s)
+        bent = bent_shapes(shift, trial, at_s, rise_s)
         columns = np.vstack([step_shape(trial, at_s, rise_s), bent]).T
         left.append(np.abs(surface - columns @ np.linalg.lstsq(columns, surface)[0]).max())
         assert not np.any(bent[:, np.abs(trial.time_s - at_s) > 1.5 * rise_s + 0.02])

@@ -12,7 +12,7 @@ from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.gram import solve
 from analysis.mismatch.levels import KEPT, SMALL_SHARE, TOLERANCE_SHARE
 from analysis.mismatch.model.effects import TISSUE_NAMES, TISSUE_SIZE
-from analysis.mismatch.name.finding import Finding, Quantity
+from analysis.mismatch.name.finding import SIZE_INEXACT, Finding, Quantity
 from analysis.mismatch.report import wording
 from analysis.mismatch.report.contents import (
     Comparison,
@@ -148,11 +148,14 @@ def _mechanisms(diagnosis: Diagnosis, kept: Sequence[Finding]) -> tuple[FoundMec
     ]
     position = diagnosis.position
     if position is not None and servo_named(diagnosis):
-        m, se = library()[SERVO], position.standard_errors
-        wn, zeta = diagnosis.intake.servo_held or diagnosis.intake.servo
+        m, of_lines = library()[SERVO], np.array(diagnosis.intake.servo)
+        # no drive is a second-order servo to more than any law is right; an output that steps would have had a part
+        stepped = np.log(np.array(diagnosis.intake.servo_held or of_lines) / of_lines)
+        se = np.sqrt(np.square(position.standard_errors) + SIZE_INEXACT**2 + stepped**2)
+        wn, zeta = of_lines.tolist()
         servo = {
-            "natural_frequency_rad_s": Quantity(wn, wn * se[0], "rad/s"),
-            "damping_ratio": Quantity(zeta, zeta * se[1], "1"),
+            "natural_frequency_rad_s": Quantity(wn, wn * float(se[0]), "rad/s"),
+            "damping_ratio": Quantity(zeta, zeta * float(se[1]), "1"),
         }
         words = wording.explanation(m, servo, ())
         found.append(

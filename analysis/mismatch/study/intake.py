@@ -39,7 +39,7 @@ class Intake:
     imports: tuple[tuple[str, tuple[str, ...]], ...] = ()
     """File and log of every trial that was imported."""
     servo_held: tuple[float, float] | None = None
-    """The servo where recordings say that its command stands from sample to sample, which is half a sample of lag."""
+    """The servo if its command stands from sample to sample, which is half a sample of lag; where recordings say so."""
 
 
 def take_in(paths: Sequence[Path], *, hold_only: bool = False) -> Intake:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -54,7 +54,7 @@ def diagnose(intake: Intake, *, baseline: str = "ramp", seed: int = 0) -> Diagno
     start, ramp = undo_step(Account(fit))
     named = search(start)
     # model: before and after, by the same noise
-    before = replace(Account(fit).at_noise(named.account.fit.noise), steps=())
+    before = Account(fit).at_noise(named.account.fit.noise)
     found = (*ramp, *findings(named, before, lines))
     # confirm on trials that were not fitted, and look at what is left
     nothing = Account(fit)

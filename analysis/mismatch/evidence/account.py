@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -38,15 +39,14 @@ BETTER = (INEXACT, INEXACT / 3.0, INEXACT / 10.0)
 
 @dataclass(frozen=True)
 class Account:
-    """A fitted simulation; ``steps`` are the kinds of events and oscillations in it, ``cost`` (n,) their price in nats.
+    """A fitted simulation; ``steps`` are the kinds of events and oscillations in it, each with its price in nats.
 
-    That price is what it takes to have looked for them at every time or frequency. ``inexact`` is the share
+    That price is what it takes to have looked for it at every time or frequency. ``inexact`` is the share
     of their size by which its laws may be off, ``granted`` the nats that this brought.
     """
 
     fit: StudyFit
-    steps: tuple[str, ...] = ()
-    cost: float = 0.0
+    steps: Mapping[str, float] = field(default_factory=dict)
     inexact: float = 0.0
     granted: float = 0.0
 
@@ -83,7 +83,7 @@ class Account:
         determinants = np.array([p.log_determinant for p in fit.projectors])
         determinants += np.array([w.log_determinant for w in fit.whiteners])
         deviance = predictive_deviance(self.grams, range(self.grams.n_added))
-        return np.asarray(-0.5 * (deviance + determinants) - self.cost / len(deviance))
+        return np.asarray(-0.5 * (deviance + determinants) - sum(self.steps.values()) / len(deviance))
 
     @property
     def nats(self) -> float:
@@ -119,7 +119,7 @@ class Account:
         states = tuple(_without(s, name) for s in self.fit.states)
         laws = tuple(law for law in self.fit.shared.laws if law.name != name)
         fit = replace(self.fit, states=states, shared=replace(self.fit.shared, laws=laws))
-        return replace(self, fit=fit, steps=tuple(n for n in self.steps if n != name))
+        return replace(self, fit=fit, steps={n: p for n, p in self.steps.items() if n != name})
 
     def quick(self) -> Account:
         """Return the account weighed by the quick part of its noise only.

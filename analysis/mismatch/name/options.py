@@ -168,8 +168,7 @@ def _event_refit(account: Account, scan: EventScan) -> Callable[[], Account]:
         added = replace(
             exact,
             fit=with_events(exact.fit, scan),
-            steps=(*account.steps, scan.event.name),
-            cost=account.cost + price,
+            steps={**account.steps, scan.event.name: price},
         )
         return added.with_laws(account.fit.shared.laws)
 
@@ -182,8 +181,7 @@ def _oscillation_refit(account: Account, scan: OscillationScan, name: str) -> Ca
         added = replace(
             exact,
             fit=with_oscillation(exact.fit, scan, name),
-            steps=(*account.steps, name),
-            cost=account.cost + float(np.log(max(len(scan.grid_hz), 1))),
+            steps={**account.steps, name: float(np.log(max(len(scan.grid_hz), 1)))},
         )
         return added.with_laws(account.fit.shared.laws)
 

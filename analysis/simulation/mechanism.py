@@ -35,6 +35,12 @@ class Parameter:
     scale: Literal["linear", "log", "inverse_square"] = "linear"
     inner: bool = False
 
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Lower and upper end of the range, on the scale of the fit."""
+        lower, upper = sorted((self.to_fit(self.lower), self.to_fit(self.upper)))
+        return lower, upper
+
     def to_fit(self, value: float) -> float:
         """Return the value on the scale of the fit."""
         if self.scale == "log":

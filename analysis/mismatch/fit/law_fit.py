@@ -207,8 +207,8 @@ def bounded_step(
 def _largest_steps(shared: Shared, room: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return how far down and up (5 + P,) tissue and free parameters may go in one step."""
     values = vector(shared)
-    ends = [sorted((p.to_fit(p.lower), p.to_fit(p.upper))) for law in shared.laws for p in law.parameters]
-    ends.append([-MOST_DELAY_SAMPLES, MOST_DELAY_SAMPLES])
+    ends = [p.ends for law in shared.laws for p in law.parameters]
+    ends.append((-MOST_DELAY_SAMPLES, MOST_DELAY_SAMPLES))
     logarithmic = [p.scale == "log" for law in shared.laws for p in law.parameters]
     most = np.where([*logarithmic, False], LARGEST_LOG_STEP, np.inf)
     lower = np.minimum(np.maximum(np.array([e[0] for e in ends]) - values, -most), 0.0)
@@ -247,12 +247,12 @@ def at_bound(law: Law) -> bool:
 
 def _ended(p: Parameter, value: float, null: float) -> bool:
     """Whether a parameter lies at an end of its range at which its law is not nothing."""
-    lower, upper = ends(p, value)
-    return (lower and min(p.to_fit(p.lower), p.to_fit(p.upper)) != p.to_fit(null)) or upper
+    lower, upper = at_ends(p, value)
+    return (lower and p.ends[0] != p.to_fit(null)) or upper
 
 
-def ends(p: Parameter, value: float) -> tuple[bool, bool]:
+def at_ends(p: Parameter, value: float) -> tuple[bool, bool]:
     """Whether a parameter lies at the lower and at the upper end of its range."""
-    here, ends = p.to_fit(value), sorted((p.to_fit(p.lower), p.to_fit(p.upper)))
+    here, (lower, upper) = p.to_fit(value), p.ends
     near = 1e-6 * max(1.0, abs(here))
-    return here - ends[0] <= near, ends[1] - here <= near
+    return here - lower <= near, upper - here <= near

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.special import logsumexp
 
+from analysis.mismatch.evidence.marginal import log_ratio
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.recordings.trial import PHASE_NAMES
 from analysis.simulation.cells import CellTrial, moves
@@ -118,5 +119,5 @@ def _near(samples: FloatArray, times: FloatArray) -> NDArray[np.bool_]:
 
 def _log_ratio(z: FloatArray, strength: float) -> float:
     """Return ln of the mean likelihood ratio over times and lengths of a burst whose size is normal about zero."""
-    ratio = -0.5 * np.log1p(strength) + 0.5 * z**2 * strength / (1.0 + strength)
+    ratio = log_ratio(1.0, z**2, strength)
     return float(logsumexp(ratio) - np.log(ratio.size))

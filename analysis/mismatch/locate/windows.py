@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from analysis.mismatch.evidence.heldout import predictive_deviance
+from analysis.mismatch.evidence.marginal import log_ratio
 from analysis.mismatch.fit.gram import gram, solve
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.model.effects import TISSUE_SIZE
@@ -119,6 +120,6 @@ def own_evidence(fit: StudyFit) -> tuple[float, FloatArray]:
     best = np.full(a.shape[1], -np.inf)
     for size in np.geomspace(1.0, 3e4, 10):
         v = size**2 / max(float(np.median(a[a > 0])), 1e-300)
-        ratio = (-0.5 * np.log1p(v * a) + 0.5 * v * c**2 / (1.0 + v * a)).sum(axis=0)
+        ratio = log_ratio(a, c**2, v).sum(axis=0)
         best = np.maximum(best, ratio)
     return float(logsumexp(best) - np.log(len(best)) - UNKNOWN_SIZE), best

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_ndtr, logsumexp
 
+from analysis.mismatch.evidence.marginal import log_ratio
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.model.effects import OwnShape, simulate
 from analysis.mismatch.name.events import (
@@ -142,25 +143,21 @@ def _scores(
     acts, rise_s = event.forms[form]
     unit = one_unit(event, acts, trial, state, base - state.offset_mn)
     for k, time_s in enumerate(times):
-        shape = OwnShape(
-            event.name,
-            acts,
-            event_shape(event, trial, float(time_s), rise_s) * unit,
-            1.0,
-        )
+        does = event_shape(event, trial, float(time_s), rise_s) * unit
+        shape = OwnShape(event.name, acts, does, 1.0)
         columns[:, k] = simulate(trial, state.with_shapes([shape], event.unit), fit.shared) - base
     projector = fit.projectors[j]
     white = projector(columns)
     return np.einsum("nk,nk->k", white, white), projector.residual @ white
 
 
-def _log_ratio(a: FloatArray, c: FloatArray, size: float, one_sided: bool) -> FloatArray:
+def _log_ratio_of_size(a: FloatArray, c: FloatArray, size: float, one_sided: bool) -> FloatArray:
     """Return ln of the marginal likelihood ratio (G,) of a step whose size is normal (or half normal) about zero."""
     v = size**2
-    found = -0.5 * np.log1p(v * a) + 0.5 * v * c**2 / (1.0 + v * a)
+    found = log_ratio(a, c**2, v)
     if one_sided:
         found = found + np.log(2.0) + log_ndtr(c * size / np.sqrt(1.0 + v * a))
-    return np.asarray(found)
+    return found
 
 
 def _weigh(event: Event, per_trial: Sequence[tuple[FloatArray, FloatArray, FloatArray]]) -> EventScan:
@@ -179,7 +176,7 @@ def _weigh(event: Event, per_trial: Sequence[tuple[FloatArray, FloatArray, Float
         for j, (times, a, c) in enumerate(per_trial):
             if times.size:
                 w = a[1]
-                ratios[j] = logsumexp(_log_ratio(a[0], c, size, event.one_sided), b=w / w.sum())
+                ratios[j] = logsumexp(_log_ratio_of_size(a[0], c, size, event.one_sided), b=w / w.sum())
         for share in SHARES:
             by_trial = np.logaddexp(np.log1p(-share), np.log(share) + ratios)
             if float(by_trial.sum()) > best.evidence:
@@ -195,7 +192,7 @@ def _weigh(event: Event, per_trial: Sequence[tuple[FloatArray, FloatArray, Float
     times_s, forms, coefficients = np.zeros(n), np.zeros(n), np.zeros(n)
     for j, (times, a, c) in enumerate(per_trial):
         if times.size:
-            k = int(np.argmax(_log_ratio(a[0], c, best.size, event.one_sided)))
+            k = int(np.argmax(_log_ratio_of_size(a[0], c, best.size, event.one_sided)))
             times_s[j], forms[j] = times[:, k]
             coefficients[j] = event.unit * c[k] / (a[0][k] + 1.0 / best.size**2)
     return replace(

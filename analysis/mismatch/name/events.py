@@ -1,4 +1,4 @@
-"""Steps that come once in a trial at a time of their own: the skin shifts, or the punch slips and loses force."""
+"""What comes once in a trial at a time of its own: the skin shifts, or moves and returns, or the punch slips."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ STRETCH, BENT = 2.25, 5
 class Event:
     """A kind of step: whether it has one sign only, its unit, and its forms: how it acts and how long it takes (s).
 
-    One that ``returns`` is over after twice as long: no law of the library does so.
+    One that ``returns`` rises, stays and falls for so long each: no law of the library does so.
     """
 
     name: str

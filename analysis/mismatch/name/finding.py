@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.evidence.inexactness import inexactness_mn, law_effects
 from analysis.mismatch.fit.gram import solve
-from analysis.mismatch.fit.law_fit import at_bound, ends
+from analysis.mismatch.fit.law_fit import at_bound, at_ends
 from analysis.mismatch.levels import INEXACT, TEMPER, TWO_ERRORS, WORTH_NAMING
 from analysis.mismatch.model.effects import TISSUE_SIZE, Law, touches
 from analysis.mismatch.name.lines import Line
@@ -137,7 +137,7 @@ def law_sizes(account: Account, law: Law) -> dict[str, Quantity]:
     fit = account.fit
     N, ridge = account.grams.total(), account.grams.ridge
     parameters = [(p, other.values[p.name]) for other in fit.shared.laws for p in other.parameters]
-    held = {TISSUE_SIZE + k for k, (p, value) in enumerate(parameters) if p.inner and any(ends(p, value))}
+    held = {TISSUE_SIZE + k for k, (p, value) in enumerate(parameters) if p.inner and any(at_ends(p, value))}
     pick = [k for k in range(TISSUE_SIZE + account.grams.n_added) if k not in held]
     errors = np.zeros(TISSUE_SIZE + account.grams.n_added)
     errors[pick] = np.sqrt(np.maximum(np.diag(solve(N, ridge, pick)[1]), 0.0))

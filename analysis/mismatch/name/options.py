@@ -25,6 +25,7 @@ from analysis.mismatch.levels import (
 from analysis.mismatch.model.dictionary import Template, templates
 from analysis.mismatch.model.effects import TISSUE_SIZE
 from analysis.mismatch.name.event_scan import EventScan, scan_events, with_events
+from analysis.mismatch.name.events import EVENTS
 from analysis.mismatch.name.oscillations import OscillationScan, scan_oscillations, with_oscillation
 
 NAMELESS = "oscillation"
@@ -141,8 +142,8 @@ def _anew(account: Account, nothing: Account) -> list[StudyFit]:
     return [replace(start, shared=replace(start.shared, laws=(law,))) for law in textbook]
 
 
-def own_options(account: Account) -> list[Option]:
-    """Return the events and the oscillation that might be added.
+def own_options(account: Account, only: str = "") -> list[Option]:
+    """Return the events and the oscillation that might be added, or what is called ``only``.
 
     They are told from a law by coming in each trial anew: one or two trials can't show that.
     """
@@ -150,12 +151,15 @@ def own_options(account: Account) -> list[Option]:
         return []
     options = [
         Option(scan.event.name, scan.evidence, ENOUGH_OWN, _event_refit(account, scan))
-        for scan in scan_events(account.fit)
-        if scan.event.name not in account.steps
+        for scan in scan_events(
+            account.fit, [e for e in EVENTS if e.name not in account.steps and only in ("", e.name)]
+        )
     ]
+    if any(e.name == only for e in EVENTS):
+        return options
     scan = scan_oscillations(account.fit)
     name = scan.name or NAMELESS
-    if name not in account.steps:
+    if name not in account.steps and only in ("", name):
         options.append(Option(name, scan.evidence, ENOUGH_OWN, _oscillation_refit(account, scan, name)))
     return options
 

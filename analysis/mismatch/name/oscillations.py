@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from analysis.mismatch.evidence.marginal import log_ratio
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.model.effects import OwnShape, touches
 from analysis.simulation.cells import CellTrial
@@ -19,7 +20,7 @@ FloatArray = NDArray[np.float64]
 LOWEST_HZ, HIGHEST_HZ = 0.15, 15.0
 COHERENT_S, COHERENT_CYCLES = 3.0, 5.0
 """Pulse and breath keep their phase and size for about so long, and what is quicker for so many cycles."""
-STEADY_CYCLES = (5.0, 2.5, 1.25)
+STEADY_CYCLES = (COHERENT_CYCLES, COHERENT_CYCLES / 2.0, COHERENT_CYCLES / 4.0)
 """Or for less: what moves in a narrow band has no phase of its own. What was found is as steady as is likeliest."""
 SPACING = 0.45
 """Of the width of a line: frequencies are looked at so densely."""
@@ -127,7 +128,7 @@ def scan_oscillations(fit: StudyFit) -> OscillationScan:
     best = nothing
     for strength in SIZES:
         v = (float(strength) * typical) ** 2
-        ratio = _log_ratio(a, c2, v).sum(axis=2)
+        ratio = log_ratio(a, c2, v).sum(axis=2)
         profile = np.zeros(len(grid))
         spread = np.zeros_like(ratio)
         for k, f in enumerate(grid):
@@ -171,11 +172,6 @@ def _energies(
     return own
 
 
-def _log_ratio(a: FloatArray, c2: FloatArray, v: float) -> FloatArray:
-    """Return the log likelihood ratio of an amplitude of variance v against none, for information a and scores c2."""
-    return -0.5 * np.log1p(v * a) + 0.5 * v * c2 / (1.0 + v * a)
-
-
 def _as_steady(
     fit: StudyFit, scan: OscillationScan, skin: Sequence[int], sizes: Sequence[float]
 ) -> OscillationScan:
@@ -185,7 +181,7 @@ def _as_steady(
     likeliest = -np.inf
     for cycles in STEADY_CYCLES:
         own = [_energies(fit, j, [float(scan.own_hz[j])], cycles)[0] for j in skin]
-        nats = max(sum(float(_log_ratio(a, c2, size**2).sum()) for a, c2 in own) for size in sizes)
+        nats = max(sum(float(log_ratio(a, c2, size**2).sum()) for a, c2 in own) for size in sizes)
         if nats > likeliest:
             likeliest, scan = nats, replace(scan, cycles=cycles)
     return scan

@@ -80,12 +80,12 @@ def begun_again(account: Account, name: str, nothing: Account) -> Account:
     stripped = account.exact.stripped(name)
     forms = [t for t in templates(account.fit.trials) if t.name == name]
     if name in account.steps:
-        options = own_options(stripped)
+        options = own_options(stripped, name)
     elif len(forms) > 1:
         options = law_options(stripped, nothing, forms)
     else:
         return account
-    again = (o.refit().reweighed() for o in options if o.name == name)
+    again = (o.refit().reweighed() for o in options)
     return max((account, *again), key=lambda a: a.nats)
 
 
@@ -169,7 +169,7 @@ def pruned(account: Account, newest: Rival) -> tuple[Account, dict[str, float]]:
             continue
         without = account.without(name).settled()
         if name in account.steps:
-            anew = [o.refit().reweighed() for o in own_options(without.quick()) if o.name == name]
+            anew = [o.refit().reweighed() for o in own_options(without.quick(), name)]
             account = max((account, *anew), key=lambda a: a.nats)
         adds[name] = account.gain_over(without)[0]
         if adds[name] < (ENOUGH_OWN if name in account.steps else ENOUGH_SHARED):

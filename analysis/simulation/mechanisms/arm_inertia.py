@@ -37,6 +37,6 @@ class ArmInertia(Mechanism):
 
     def sensor_force_mn(self, trial: CellTrial, force_mn: FloatArray, p: Values) -> FloatArray:
         """F + m a."""
-        shaken = p.get("shake", 0.0) * trial.shake_mm_s2
+        shaken = p["shake"] * trial.shake_mm_s2
         felt = low_pass(trial.acceleration_mm_s2, trial.steps, 1e-3 * p["settle_ms"])
         return force_mn + 1e-3 * p["mass_g"] * (felt + shaken)

@@ -33,8 +33,8 @@ FloatArray = NDArray[np.float64]
 
 SITE_KIND = "site"
 SLOW_S = 0.06
-BETTER = (INEXACT, INEXACT / 3.0, INEXACT / 10.0)
-"""Shares to which recordings may say that laws are right."""
+BETTER = (INEXACT, INEXACT / 3.0)
+"""Shares to which recordings may say that laws are right: to better than the latter none is."""
 
 
 @dataclass(frozen=True)

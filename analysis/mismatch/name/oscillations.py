@@ -11,6 +11,7 @@ from scipy.special import logsumexp
 
 from analysis.mismatch.evidence.marginal import log_ratio
 from analysis.mismatch.fit.study_fit import StudyFit
+from analysis.mismatch.levels import INEXACT
 from analysis.mismatch.model.effects import OwnShape, touches
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.mechanism import library
@@ -21,7 +22,7 @@ LOWEST_HZ, HIGHEST_HZ = 0.15, 15.0
 COHERENT_S, COHERENT_CYCLES = 3.0, 5.0
 """Pulse and breath keep their phase and size for about so long, and what is quicker for so many cycles."""
 STEADY_CYCLES = (COHERENT_CYCLES, COHERENT_CYCLES / 2.0, COHERENT_CYCLES / 4.0)
-"""Or for less: what moves in a narrow band has no phase of its own. What was found is as steady as is likeliest."""
+"""Or for less: what moves in a narrow band has no phase of its own."""
 SPACING = 0.45
 """Of the width of a line: frequencies are looked at so densely."""
 WANDERS = 0.06
@@ -30,7 +31,7 @@ SIZES = np.geomspace(3.0, 3e3, 9)
 UNKNOWN_SIZE = 1.5
 HARMONIC = "harmonic"
 OVERTONES = {2: 0.3, 3: 0.15, 4: 0.1}
-"""A body's rhythm is no sine: it has overtones of some such shares of its size."""
+"""A body's rhythm is no sine: it has overtones of some such shares of its size. So small, they are steady enough."""
 TUNED, TUNED_SHARE = 15, 0.15
 """Frequencies tried about a scanned one, no further away than this share of it."""
 CYCLES = 1.25
@@ -175,16 +176,15 @@ def _energies(
 def _as_steady(
     fit: StudyFit, scan: OscillationScan, skin: Sequence[int], sizes: Sequence[float]
 ) -> OscillationScan:
-    """Return the scan with the steadiness that is likeliest of what it found."""
+    """Return the scan as steady as explains what the likeliest does, but for what a law right to a tenth leaves."""
     if not scan.evidence > 0.0:
         return scan
-    likeliest = -np.inf
+    nats = []
     for cycles in STEADY_CYCLES:
         own = [_energies(fit, j, [float(scan.own_hz[j])], cycles)[0] for j in skin]
-        nats = max(sum(float(log_ratio(a, c2, size**2).sum()) for a, c2 in own) for size in sizes)
-        if nats > likeliest:
-            likeliest, scan = nats, replace(scan, cycles=cycles)
-    return scan
+        nats.append(max(sum(float(log_ratio(a, c2, size**2).sum()) for a, c2 in own) for size in sizes))
+    steady = next(c for c, n in zip(STEADY_CYCLES, nats, strict=True) if n >= (1.0 - INEXACT**2) * max(nats))
+    return replace(scan, cycles=steady)
 
 
 def tuned(fit: StudyFit, j: int, near_hz: float, size_mm: float) -> float:
@@ -224,7 +224,7 @@ def with_oscillation(fit: StudyFit, scan: OscillationScan, name: str) -> StudyFi
                 variance = (share * scan.size_mm) ** 2
                 shapes += [
                     OwnShape(name, "surface", w, variance, number * f, HARMONIC)
-                    for w in waves(trial, f, number, scan.cycles)
+                    for w in waves(trial, f, number)
                     if 2.0 * number * f < HIGHEST_HZ
                 ]
             states.append(state.with_shapes(shapes))

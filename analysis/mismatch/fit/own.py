@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.mismatch.fit.whitener import Whitener
-from analysis.mismatch.model.effects import TISSUE_SIZE, Shared, TrialState, simulate
+from analysis.mismatch.model.effects import TISSUE_SIZE, Shared, TrialState, own_effects, simulate
 from analysis.mismatch.model.population import Population
 from analysis.simulation.cells import CellTrial
 
@@ -79,28 +79,34 @@ class ForceColumns:
 
 def force_columns(trial: CellTrial, state: TrialState, shared: Shared) -> ForceColumns:
     """Return a trial's own columns at a state, in the order offset, contact, tissue, shapes."""
-    base = simulate(trial, state, shared)
+    own = own_effects(state)
+    base = simulate(trial, state, shared, own)
     columns = [trial.force_mn - base]
     if trial.frees_offset:
         columns.append(np.ones_like(base))
     if trial.touches:
         step = STEP_OF_DEPTH * max(abs(trial.depth_mm), 1e-6)
-        columns.append((simulate(trial, replace(state, z0_mm=state.z0_mm + step), shared) - base) / step)
+        columns.append((simulate(trial, replace(state, z0_mm=state.z0_mm + step), shared, own) - base) / step)
     first = len(columns) - 1
     if state.has_tissue:
         for k in range(TISSUE_SIZE):
             log_tissue = state.log_tissue.copy()
             log_tissue[k] += STEP_LOG
-            columns.append((simulate(trial, replace(state, log_tissue=log_tissue), shared) - base) / STEP_LOG)
+            elsewhere = replace(state, log_tissue=log_tissue)
+            columns.append((simulate(trial, elsewhere, shared, own) - base) / STEP_LOG)
     last = len(columns) - 1
     for k, shape in enumerate(state.shapes):
         if shape.acts == "force":
             columns.append(shape.shape)
             continue
-        coefficients = state.coefficients.copy()
         step = 1e-3 * float(np.sqrt(shape.prior))
-        coefficients[k] += step
-        columns.append((simulate(trial, replace(state, coefficients=coefficients), shared) - base) / step)
+        if shape.acts == "size":
+            coefficients = state.coefficients.copy()
+            coefficients[k] += step
+            there = simulate(trial, replace(state, coefficients=coefficients), shared, own)
+        else:
+            there = simulate(trial, state, shared, {**own, shape.acts: own[shape.acts] + step * shape.shape})
+        columns.append((there - base) / step)
     return ForceColumns(np.column_stack(columns), slice(first, last))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
@@ -163,9 +163,16 @@ def touches(trial: CellTrial, state: TrialState, shared: Shared) -> NDArray[np.b
     return simulate(trial, replace(state, offset_mn=0.0), shared) > 0.0
 
 
-def simulate(trial: CellTrial, state: TrialState, shared: Shared) -> FloatArray:
-    """Return the force (n,) of a trial, mN."""
-    added = {acts: state.coefficients[at] @ shapes for acts, (at, shapes) in state.shapes.by_stage.items()}
+def own_effects(state: TrialState) -> dict[Acts, FloatArray]:
+    """Return what a trial's own shapes come to, (n,) for each stage at which some act."""
+    return {acts: state.coefficients[at] @ shapes for acts, (at, shapes) in state.shapes.by_stage.items()}
+
+
+def simulate(
+    trial: CellTrial, state: TrialState, shared: Shared, own: Mapping[Acts, FloatArray] | None = None
+) -> FloatArray:
+    """Return the force (n,) of a trial, mN; ``own`` is what its own shapes come to, where that is known."""
+    added = own_effects(state) if own is None else own
     simulated = simulate_force(
         trial,
         state.tissue,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.mismatch.fit.study_fit import StudyFit
-from analysis.mismatch.model.effects import OwnShape, OwnShapes, TrialState, simulate
+from analysis.mismatch.model.effects import OwnShape, OwnShapes, simulate
 from analysis.recordings.trial import PHASE_NAMES
 from analysis.simulation.cells import CellTrial
 
@@ -46,16 +46,6 @@ def with_inexactness(fit: StudyFit, share: float) -> StudyFit:
             )
         )
     return replace(fit, states=tuple(states))
-
-
-def inexactness_mn(state: TrialState, law: str) -> FloatArray:
-    """Return by how much a law is off in one trial, (n,) mN, as far as it was granted to be; empty where it was not."""
-    mine = [
-        c * shape.shape
-        for c, shape in zip(state.coefficients, state.shapes, strict=True)
-        if shape.effect == law and shape.kind == INEXACT_KIND
-    ]
-    return np.asarray(np.sum(mine, axis=0)) if mine else np.zeros(0)
 
 
 def law_effects(fit: StudyFit, j: int) -> list[FloatArray]:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.mismatch.evidence.account import Account
-from analysis.mismatch.evidence.inexactness import inexactness_mn, law_effects
 from analysis.mismatch.fit.gram import solve
 from analysis.mismatch.fit.law_fit import at_bound, at_ends
 from analysis.mismatch.levels import INEXACT, TEMPER, TWO_ERRORS, WORTH_NAMING
@@ -132,44 +131,33 @@ def weighed(
 def law_sizes(account: Account, law: Law) -> dict[str, Quantity]:
     """Return a law's reported parameters with their errors, tissue and inexactness free.
 
-    What a law is like within stays where it ended at a limit: beyond it nothing trades with the size.
+    The recordings may say that a law leaves nothing over; of what its parameters could take up they say nothing. So it
+    is off by its share in every phase when errors are told, and parameters that trade with each other are as unsure as
+    that leaves them. What a law is like within stays where it ended at a limit: beyond it nothing trades with the size.
     """
     fit = account.fit
-    N, ridge = account.grams.total(), account.grams.ridge
+    rough = replace(account, inexact=max(account.inexact, SIZE_INEXACT))
+    N, ridge = rough.grams.total(), rough.grams.ridge
     parameters = [(p, other.values[p.name]) for other in fit.shared.laws for p in other.parameters]
     held = {TISSUE_SIZE + k for k, (p, value) in enumerate(parameters) if p.inner and any(at_ends(p, value))}
-    pick = [k for k in range(TISSUE_SIZE + account.grams.n_added) if k not in held]
-    errors = np.zeros(TISSUE_SIZE + account.grams.n_added)
+    pick = [k for k in range(TISSUE_SIZE + rough.grams.n_added) if k not in held]
+    errors = np.zeros(TISSUE_SIZE + rough.grams.n_added)
     errors[pick] = np.sqrt(np.maximum(np.diag(solve(N, ridge, pick)[1]), 0.0))
     at = TISSUE_SIZE
     for other in fit.shared.laws:
         if other is law:
             break
         at += len(other.parameters)
-    columns = [account.columns(j) for j in range(len(fit.trials))]
-    effect = _rms([law_effects(fit, j)[fit.shared.laws.index(law)] for j in range(len(fit.trials))])
-    # no size is surer than by how much the law had to be off
-    off = np.hypot(SIZE_INEXACT * effect, _rms([inexactness_mn(state, law.name) for state in fit.states]))
     found = {}
     for k, p in enumerate(law.parameters):
         value = law.values[p.name]
-        slope, inexact = abs(p.derivative(value)), 0.0
-        if p.name == law.mechanism.amplitude:
-            # what moves the effect by as much as the law may be off
-            moved = _rms([c[:, at - TISSUE_SIZE + k] for c in columns])
-            inexact = slope * off / max(moved, 1e-300)
-            if law.mechanism.null[p.name] == 0.0:
-                # the smallest change moves a snap by all it has
-                inexact = max(inexact, SIZE_INEXACT * abs(value))
-        error = float(np.hypot(slope * errors[at + k], inexact))
+        error = abs(p.derivative(value)) * float(errors[at + k])
+        if p.name == law.mechanism.amplitude and law.mechanism.null[p.name] == 0.0:
+            # what is so much off in all phases alike
+            error = float(np.hypot(error, SIZE_INEXACT * value))
         if not p.inner:
             found[p.name] = Quantity(value, error, p.unit)
     return whole_law(law, found, fit.trials[0].study_depth_mm)
-
-
-def _rms(of_trials: Sequence[FloatArray]) -> float:
-    squares = np.square(np.concatenate(of_trials))
-    return float(np.sqrt(squares.mean())) if len(squares) else 0.0
 
 
 def whole_law(law: Law, found: dict[str, Quantity], depth_mm: float) -> dict[str, Quantity]:

@@ -3,12 +3,49 @@
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Values
 
 SHARE_OF_PEAK = 0.1
 """A probe's pull-off (mN) is at most so much of the largest force (mN) for every mN of it."""
+
+
+@njit(cache=True)
+def _clinging(free: FloatArray, x: FloatArray, law: tuple[float, float, float, float, float]) -> FloatArray:
+    """Return the force (n,) of a retract along x (mm, falling), skin clinging until contact is lost, then peeling."""
+    pull, scale, q, reach, length = law
+    n = free.size
+    out = np.empty(n)
+    lost = n
+    for k in range(n):
+        u = -free[k] / scale
+        if u >= reach and lost == n:
+            lost = k
+        if k > lost > 0:
+            break
+        c = min(u, 2.0 * reach)
+        out[k] = free[k] if u <= 0.0 else -scale * c / (1.0 + c**q) ** (1.0 / q)
+    if lost in (n, 0):
+        return np.maximum(out, -pull)
+    before = max(-free[lost - 1] / scale, 0.0)
+    share = (reach - before) / max(-free[lost] / scale - before, 1e-12)
+    x_lost = x[lost - 1] + share * (x[lost] - x[lost - 1])
+    near_by = slice(max(lost - 2, 0), lost + 1)
+    seen, clung = -x[near_by], out[near_by].copy()
+    for k in range(lost - 1, n):
+        # the cell in which contact is lost is part clinging, part peeling: average over both
+        begin = x[0] if k == 0 else 0.5 * (x[k - 1] + x[k])
+        end = min(x[n - 1] if k == n - 1 else 0.5 * (x[k] + x[k + 1]), begin - 1e-9)
+        near, far = max(x_lost - begin, 0.0), max(x_lost - end, 1e-9)
+        gone = -np.expm1(-(far - near) / length) * np.exp(-near / length)
+        peeling = -pull * length * gone / max(far - near, 1e-9)
+        clinging = 0.0 if k > lost else min(max((begin - x_lost) / (begin - end), 0.0), 1.0)
+        out[k] = (1.0 - clinging) * peeling
+        if clinging > 0.0:
+            out[k] += clinging * np.interp(-0.5 * (begin + max(end, x_lost)), seen, clung)
+    return out
 
 
 class Adhesion(Mechanism):
@@ -62,34 +99,10 @@ class Adhesion(Mechanism):
         first = int(back[0])
         # the largest force, carried at u = reach, is the pull-off itself
         scale = pull * (1.0 + reach**q) ** (1.0 / q) / reach
-        free = free_force_mn[first:]
-        pulled = free < 0.0
-        u, clung = np.zeros_like(free), free.copy()
-        u[pulled] = -free[pulled] / scale
-        capped = np.minimum(u[pulled], 2.0 * reach)
-        clung[pulled] = -scale * capped / (1.0 + capped**q) ** (1.0 / q)
         out = contact_force_mn.copy()
-        lost = np.flatnonzero(u >= reach)
-        if not lost.size or lost[0] == 0:
-            out[first:] = np.maximum(clung, -pull)
-            return out
-        i = int(lost[0])
-        x = trial.position_mm[first:]
-        share = (reach - u[i - 1]) / max(u[i] - u[i - 1], 1e-12)
-        x_lost = x[i - 1] + share * (x[i] - x[i - 1])
-        # the cell in which contact is lost is part clinging, part peeling: average over both
-        edge = np.concatenate([[x[0]], 0.5 * (x[1:] + x[:-1]), [x[-1]]])
-        begin, end = edge[:-1], np.minimum(edge[1:], edge[:-1] - 1e-9)
-        clinging = np.clip((begin - x_lost) / (begin - end), 0.0, 1.0)
-        clinging[: i - 1] = 1.0
-        clinging[i + 1 :] = 0.0
-        middle = 0.5 * (begin + np.maximum(end, x_lost))
-        held = np.interp(-middle, -x[: i + 1], clung[: i + 1])
-        length = p["peel"] * trial.study_depth_mm
-        near, far = np.maximum(x_lost - begin, 0.0), np.maximum(x_lost - end, 1e-9)
-        peeling = (
-            -pull * length * (np.exp(-near / length) - np.exp(-far / length)) / np.maximum(far - near, 1e-9)
+        out[first:] = _clinging(
+            free_force_mn[first:],
+            trial.position_mm[first:],
+            (pull, scale, q, reach, p["peel"] * trial.study_depth_mm),
         )
-        held[: i - 1] = clung[: i - 1]
-        out[first:] = clinging * held + (1.0 - clinging) * peeling
         return out

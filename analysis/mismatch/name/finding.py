@@ -55,6 +55,8 @@ class Finding:
 def findings(named: Named, baseline: Account, lines: Sequence[Line]) -> tuple[Finding, ...]:
     """Return everything that was named, most evidence first."""
     account = named.account
+    # recordings may say that laws leave nothing over, but not of what their parameters could take up
+    rough = replace(account, inexact=max(account.inexact, SIZE_INEXACT))
     found = []
     for name in account.names:
         mechanism = library().get(name)
@@ -68,7 +70,7 @@ def findings(named: Named, baseline: Account, lines: Sequence[Line]) -> tuple[Fi
             evidence = account.gain_over(account.without(name).reweighed())[0]
         probability, alternatives = weighed(mechanism, named.rivals.get(name, ()), account.names)
         law = next((law for law in account.fit.shared.laws if law.name == name), None)
-        sizes = law_sizes(account, law) if law is not None else own_sizes(account, mechanism)
+        sizes = law_sizes(rough, law) if law is not None else own_sizes(account, mechanism)
         found.append(
             Finding(
                 mechanism,
@@ -131,17 +133,15 @@ def weighed(
 def law_sizes(account: Account, law: Law) -> dict[str, Quantity]:
     """Return a law's reported parameters with their errors, tissue and inexactness free.
 
-    The recordings may say that a law leaves nothing over; of what its parameters could take up they say nothing. So it
-    is off by its share in every phase when errors are told, and parameters that trade with each other are as unsure as
-    that leaves them. What a law is like within stays where it ended at a limit: beyond it nothing trades with the size.
+    Laws are off by the account's share in every phase, and parameters that trade with each other as unsure as that
+    leaves them. What a law is like within stays where it ended at a limit: beyond it nothing trades with the size.
     """
     fit = account.fit
-    rough = replace(account, inexact=max(account.inexact, SIZE_INEXACT))
-    N, ridge = rough.grams.total(), rough.grams.ridge
+    N, ridge = account.grams.total(), account.grams.ridge
     parameters = [(p, other.values[p.name]) for other in fit.shared.laws for p in other.parameters]
     held = {TISSUE_SIZE + k for k, (p, value) in enumerate(parameters) if p.inner and any(at_ends(p, value))}
-    pick = [k for k in range(TISSUE_SIZE + rough.grams.n_added) if k not in held]
-    errors = np.zeros(TISSUE_SIZE + rough.grams.n_added)
+    pick = [k for k in range(TISSUE_SIZE + account.grams.n_added) if k not in held]
+    errors = np.zeros(TISSUE_SIZE + account.grams.n_added)
     errors[pick] = np.sqrt(np.maximum(np.diag(solve(N, ridge, pick)[1]), 0.0))
     at = TISSUE_SIZE
     for other in fit.shared.laws:

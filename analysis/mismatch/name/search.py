@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.law_fit import at_bound
 from analysis.mismatch.levels import (
@@ -14,12 +16,16 @@ from analysis.mismatch.levels import (
     FEWEST_HELD_OUT,
     INEXACT,
     KEPT,
+    LEVEL,
     MOST_EFFECTS,
     ROUGH,
     TWO_ERRORS,
 )
 from analysis.mismatch.model.dictionary import templates
 from analysis.mismatch.name.options import Option, law_options, own_options, worth_trying
+
+SURE = -float(np.log(LEVEL))
+"""By so many times what laws before it are expected to leave over must an effect explain more than they would."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +100,8 @@ def considered(account: Account, nothing: Account) -> tuple[Rival, ...]:
 
     ``nothing`` is the account without effects: what the present laws gain over it they explain. Right to a tenth they
     leave a hundredth of that, right to a third a tenth, and what they leave names no other; a law with which they are
-    right was missing. Where the recordings say that they are better than that, they leave less.
+    right was missing. Where the recordings say that they are better than that, they leave less. H0 is that what they
+    leave is exponential about this.
 
     Each is weighed with the noise that itself leaves: an effect that was taken for noise would hide itself.
     """
@@ -133,11 +140,12 @@ def considered(account: Account, nothing: Account) -> tuple[Rival, ...]:
         gain, error = refitted.gain_over(account)
         # a gain below its error is one trial's, at the cost of others; of few trials none can say how exact a law is
         left = left_over(explained, ROUGH if few else max(refitted.inexact, INEXACT))
-        if gain < left and not few:
+        if gain < SURE * left and not few:
             left = left_over(explained, refitted.most_inexact)
         # nor does an effect explain what it gains by granting that laws are off
         its_own = gain - max(refitted.granted - account.granted, 0.0)
-        if gain >= max(option.enough, error, left) and its_own >= KEPT * gain:
+        more = left if few else SURE * left
+        if gain >= max(option.enough, error, more) and its_own >= KEPT * gain:
             found.append(Rival(option.name, gain, error, refitted.let_go(), left))
     return best_first(found)
 

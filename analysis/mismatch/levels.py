@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 LEVEL = 0.05
 """Family-wise rate of false alarms, of windows and of everything that carries an adjusted p-value."""
 
@@ -32,6 +34,10 @@ INEXACT = 0.1
 
 ROUGH = 0.3
 """And at times to a third only: the recordings choose between exact, a tenth and this."""
+
+SURE = -math.log(LEVEL)
+"""Times what the laws before it are expected to leave over that an effect must explain: what they do leave is
+exponential about that, and once in twenty it is more."""
 
 STRETCHED = 4.0
 """Standard deviations from the textbook beyond which an inner parameter makes a law another one."""

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.law_fit import at_bound
 from analysis.mismatch.levels import (
@@ -16,16 +14,13 @@ from analysis.mismatch.levels import (
     FEWEST_HELD_OUT,
     INEXACT,
     KEPT,
-    LEVEL,
     MOST_EFFECTS,
     ROUGH,
+    SURE,
     TWO_ERRORS,
 )
 from analysis.mismatch.model.dictionary import templates
 from analysis.mismatch.name.options import Option, law_options, own_options, worth_trying
-
-SURE = -float(np.log(LEVEL))
-"""By so many times what laws before it are expected to leave over must an effect explain more than they would."""
 
 
 @dataclass(frozen=True)
@@ -139,13 +134,13 @@ def considered(account: Account, nothing: Account) -> tuple[Rival, ...]:
             continue
         gain, error = refitted.gain_over(account)
         # a gain below its error is one trial's, at the cost of others; of few trials none can say how exact a law is
+        least_sure = 1.0 if few else SURE
         left = left_over(explained, ROUGH if few else max(refitted.inexact, INEXACT))
-        if gain < SURE * left and not few:
+        if gain < least_sure * left and not few:
             left = left_over(explained, refitted.most_inexact)
         # nor does an effect explain what it gains by granting that laws are off
         its_own = gain - max(refitted.granted - account.granted, 0.0)
-        more = left if few else SURE * left
-        if gain >= max(option.enough, error, more) and its_own >= KEPT * gain:
+        if gain >= max(option.enough, error, least_sure * left) and its_own >= KEPT * gain:
             found.append(Rival(option.name, gain, error, refitted.let_go(), left))
     return best_first(found)
 

@@ -160,16 +160,13 @@ def _energies(
     fit: StudyFit, j: int, frequencies_hz: Sequence[float], cycles: float
 ) -> list[tuple[FloatArray, FloatArray]]:
     """Return the eigenvalues of each rhythm's information in the j-th trial, and its squared scores along them."""
-    trial = fit.trials[j]
+    trial, projector = fit.trials[j], fit.projectors[j]
     touching = touches(trial, fit.states[j], fit.shared)
-    blocks = [waves(trial, f, cycles=cycles) * touching for f in frequencies_hz]
-    sizes = np.cumsum([0, *(len(b) for b in blocks)])
-    white = fit.projectors[j](np.vstack(blocks).T)
-    scores = fit.projectors[j].residual @ white
     own = []
-    for a, b in zip(sizes[:-1], sizes[1:], strict=True):
-        values, vectors = np.linalg.eigh(white[:, a:b].T @ white[:, a:b])
-        own.append((np.maximum(values, 0.0), (scores[a:b] @ vectors) ** 2))
+    for f in frequencies_hz:
+        white = projector((waves(trial, f, cycles=cycles) * touching).T)
+        values, vectors = np.linalg.eigh(white.T @ white)
+        own.append((np.maximum(values, 0.0), (projector.residual @ white @ vectors) ** 2))
     return own
 
 

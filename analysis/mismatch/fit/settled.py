@@ -35,7 +35,7 @@ def settled_columns(fit: StudyFit, j: int, wanted: Sequence[Template]) -> FloatA
         there, before = state, float(np.sum(fit.whiteners[j](columns[:, k]) ** 2))
         for _ in range(STEPS):
             step = own.solve(own.columns.T @ fit.whiteners[j](columns[:, k]))
-            there = moved(there, trial, -limited(trial, own, step))
+            there = moved(there, trial, -limited(trial, state, own, step))
             followed = simulate(trial, there, shared) - base
             left = float(np.sum(fit.whiteners[j](followed) ** 2))
             if not left < before:

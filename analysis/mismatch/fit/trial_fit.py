@@ -67,7 +67,7 @@ def fit_trial(
         step = bounded(damped, gradient, room_below(trial, state, own, population))
         if float(step @ gradient) < DONE:
             break
-        tried = moved(state, trial, limited(trial, own, step))
+        tried = moved(state, trial, limited(trial, state, own, step))
         new, new_residual = cost_of(tried)
         gained = now - new
         if gained > 0.0:
@@ -111,10 +111,16 @@ def bounded(H: FloatArray, gradient: FloatArray, room: FloatArray) -> FloatArray
     return x
 
 
-def limited(trial: CellTrial, own: OwnColumns, step: NDArray[np.floating[Any]]) -> FloatArray:
+def limited(
+    trial: CellTrial, state: TrialState, own: OwnColumns, step: NDArray[np.floating[Any]]
+) -> FloatArray:
     """Return a step (q,) cut to where columns still hold."""
     cut: FloatArray = np.array(step, dtype=np.float64)
-    cut[own.tissue] = np.clip(cut[own.tissue], -LARGEST_LOG_STEP, LARGEST_LOG_STEP)
+    logarithms = [
+        *range(own.tissue.start, own.tissue.stop),
+        *(own.tissue.stop + k for k in state.shapes.sizes.values()),
+    ]
+    cut[logarithms] = np.clip(cut[logarithms], -LARGEST_LOG_STEP, LARGEST_LOG_STEP)
     if trial.touches:
         z = 1 if trial.frees_offset else 0
         largest = LARGEST_SHARE_OF_DEPTH * max(abs(trial.depth_mm), 1e-6)

@@ -15,7 +15,7 @@ from analysis.mismatch.evidence.account import with_own_sizes
 from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.fit.law_fit import centred
 from analysis.mismatch.fit.trial_fit import bounded
-from analysis.mismatch.model.effects import Law, simulate
+from analysis.mismatch.model.effects import Law, Shared, simulate
 from analysis.mismatch.study.intake import take_in_memory
 from analysis.recordings.trial import Trial
 from analysis.simulation.mechanism import library
@@ -89,3 +89,25 @@ def test_what_sizes_of_all_sites_have_in_common_is_the_laws(record: Callable[...
     for j in range(3):
         np.testing.assert_allclose(found.force_mn(j), off.force_mn(j), atol=1e-9)
     assert found.cost < off.cost
+
+
+def test_a_size_far_from_that_of_its_site_is_approached_step_by_step(
+    record: Callable[..., list[Trial]],
+) -> None:
+    trials = record(43, plans=study_plans(depths_mm=(0.5,), repeats=3, hold_s=1.0, dwell_s=0.2))
+    fit = fit_baseline(take_in_memory(trials).trials)
+    dashpot = library()["parallel_dashpot"]
+
+    def beside(coefficient: float) -> Shared:
+        return replace(
+            fit.shared, laws=(Law(dashpot, {dashpot.amplitude: coefficient}, (dashpot.amplitude,)),)
+        )
+
+    forces = [simulate(t, s, beside(100.0)) for t, s in zip(fit.trials, fit.states, strict=True)]
+    dragging = tuple(replace(t, force_mn=f) for t, f in zip(fit.trials, forces, strict=True))
+    begun = with_own_sizes(replace(fit, trials=dragging, shared=beside(0.1)))
+    found = begun.with_states()
+    assert found.left_mn < begun.left_mn
+    for state in found.states:
+        # the line alone would multiply the size by more than a number can hold
+        assert 0.0 < state.coefficients[0] < np.log(100.0 / 0.1)

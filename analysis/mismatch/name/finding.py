@@ -207,11 +207,12 @@ def own_sizes(account: Account, mechanism: Mechanism) -> dict[str, Quantity]:
     if mechanism.form == "oscillation":
         value = float(np.sqrt(max(float(np.mean(np.sign(values) * values**2)), 0.0)))
     else:
-        sign = float(np.sign(values[0])) if bool(np.all(values * values[0] > 0)) else 1.0
         # each by its own size: the little that other effects leave over may pass for small steps
         weight = np.abs(values) / max(float(np.abs(values).sum()), 1e-300)
-        value = sign * float(weight @ np.abs(values))
-        large = np.abs(values) >= 0.5 * abs(value)
+        size = float(weight @ np.abs(values))
+        large = np.abs(values) >= 0.5 * size
+        signs = np.unique(np.sign(values[large]))
+        value = float(signs[0]) * size if len(signs) == 1 else size
     off = np.abs(values) - abs(value)
     spread = float(np.sqrt(weight**2 @ off**2 * n / (n - 1))) if n > 1 else 0.0
     fitted = unit * float(np.sqrt(np.mean(np.square(errors)) / n))

@@ -1,15 +1,21 @@
-"""Steps of the skin: how they rise is no straight ramp, and is left open."""
+"""Steps of the skin: how they rise is no straight ramp, and is left open; and how large they are said to be."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from analysis.mismatch.evidence.account import Account
+from analysis.mismatch.fit.baseline import fit_baseline
+from analysis.mismatch.model.effects import OwnShape
 from analysis.mismatch.name.events import EVENTS, SHIFTS_S, bent_shapes, step_shape
+from analysis.mismatch.name.finding import own_sizes
 from analysis.mismatch.study.intake import take_in_memory
 from analysis.recordings.trial import Trial
+from analysis.simulation.mechanism import library
 from sim_hardware.concealment.offline import study_plans
 
 
@@ -30,3 +36,22 @@ def test_a_smooth_step_is_one_of_the_forms_bent(record: Callable[..., list[Trial
         left.append(np.abs(surface - columns @ np.linalg.lstsq(columns, surface)[0]).max())
         assert not np.any(bent[:, np.abs(trial.time_s - at_s) > 1.5 * rise_s + 0.02])
     assert min(left) < 0.02
+
+
+@pytest.mark.parametrize(
+    ("shifts_um", "said_um"),
+    [((-12.0, -13.0, -12.5), -12.5), ((-12.0, -13.0, 0.5), -12.5), ((12.0, -13.0, 12.5), 12.5)],
+    ids=["all to one side", "and what another effect left over", "to either side"],
+)
+def test_shifts_to_one_side_are_said_with_their_sign(
+    record: Callable[..., list[Trial]], shifts_um: tuple[float, ...], said_um: float
+) -> None:
+    trials = record(47, plans=study_plans(depths_mm=(0.5,), repeats=3, hold_s=1.0))
+    fit = fit_baseline(take_in_memory(trials).trials)
+    states = []
+    for trial, state, shift_um in zip(fit.trials, fit.states, shifts_um, strict=True):
+        at_s = float(np.median(trial.time_s[trial.in_phase("hold")]))
+        shape = OwnShape("motion_artefact", "surface", step_shape(trial, at_s, 0.05), 1e-4, at_s)
+        states.append(state.with_shapes([shape], 1e-3 * shift_um))
+    found = own_sizes(Account(replace(fit, states=tuple(states))), library()["motion_artefact"])
+    assert found["shift_um"].value == pytest.approx(said_um, rel=0.06)

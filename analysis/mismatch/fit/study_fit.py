@@ -75,8 +75,7 @@ class StudyFit:
     def full_residual_mn(self, j: int) -> FloatArray:
         """Return what is left of every sample (N,)."""
         t = self.trials[j]
-        time_s = np.arange(len(t.full_force_mn)) / t.sample_rate_hz
-        return np.asarray(t.full_force_mn - np.interp(time_s, t.time_s, self.force_mn(j)))
+        return np.asarray(t.full_force_mn - np.interp(t.full_time_s, t.time_s, self.force_mn(j)))
 
     def with_states(self, rounds: int = ROUNDS, near: StudyFit | None = None) -> StudyFit:
         """Return the fit with every trial's own parameters at their best; ``near`` is a fit close to this one."""
@@ -91,17 +90,17 @@ class StudyFit:
         return fit
 
     def with_population(self, passes: int = 2) -> StudyFit:
-        """Return the fit with population and own parameters estimated in turn."""
+        """Return the fit with population and own parameters estimated in turn; a single trial is no population."""
+        if sum(s.has_tissue for s in self.states) < 2:
+            return self.with_states()
         fit = near = self
-        likelihoods: list[tuple[FloatArray, FloatArray]] = []
         for _ in range(passes):
             fit = fit.with_states()
             likelihoods = [
                 tissue_likelihood(own, s) for own, s in zip(fit.own, fit.states, strict=True) if s.has_tissue
             ]
-            if likelihoods:
-                near, fit = fit, replace(fit, population=estimate(likelihoods, fit.population))
-        return fit.with_states(near=near) if likelihoods else fit
+            near, fit = fit, replace(fit, population=estimate(likelihoods, fit.population))
+        return fit.with_states(near=near)
 
     def weighed_by(self, noise: NoiseModel) -> StudyFit:
         """Return the fit with cells weighed by another noise."""
@@ -115,12 +114,14 @@ def tissue_likelihood(own: OwnColumns, state: TrialState) -> tuple[FloatArray, F
     """Return what a trial alone says of its log constants: information (5, 5), and that times the estimate (5,)."""
     others = np.array([k for k in range(own.n_own) if not own.tissue.start <= k < own.tissue.stop], dtype=int)
     J, X = own.columns[:, own.tissue], own.columns[:, others]
-    H_o = X.T @ X + own.prior[np.ix_(others, others)]
+    prior = own.prior[np.ix_(others, others)]
     # the least of all solutions: a contact out of reach moves nothing, and takes nothing
-    taken = np.linalg.lstsq(H_o, X.T @ J, rcond=None)[0]
-    H = J.T @ J - J.T @ X @ taken
+    taken = np.linalg.lstsq(X.T @ X + prior, X.T @ J, rcond=None)[0]
+    # squares, not their difference: what a trial says little of would be less than nothing
+    left = J - X @ taken
+    H = left.T @ left + taken.T @ prior @ taken
     # at the fitted state the others' gradient is zero with their pull
-    g = J.T @ own.residual - taken.T @ (X.T @ own.residual + own.pull[others])
+    g = left.T @ own.residual - taken.T @ own.pull[others]
     return H, H @ state.log_tissue + g
 
 

@@ -134,13 +134,12 @@ def considered(account: Account, nothing: Account) -> tuple[Rival, ...]:
             continue
         gain, error = refitted.gain_over(account)
         # a gain below its error is one trial's, at the cost of others; of few trials none can say how exact a law is
-        least_sure = 1.0 if few else SURE
         left = left_over(explained, ROUGH if few else max(refitted.inexact, INEXACT))
-        if gain < least_sure * left and not few:
+        if gain < SURE * left and not few:
             left = left_over(explained, refitted.most_inexact)
         # nor does an effect explain what it gains by granting that laws are off
         its_own = gain - max(refitted.granted - account.granted, 0.0)
-        if gain >= max(option.enough, error, least_sure * left) and its_own >= KEPT * gain:
+        if gain >= max(option.enough, error, SURE * left) and its_own >= KEPT * gain:
             found.append(Rival(option.name, gain, error, refitted.let_go(), left))
     return best_first(found)
 

@@ -21,7 +21,7 @@ class Stiffening(Mechanism):
     stage = "contact"
     parameters = (
         Parameter("coefficient_per_mm", "1/mm", 0.0, 1.0e4),
-        Parameter("exponent", "1", 1.0, 4.0),
+        Parameter("exponent", "1", 1.0, 8.0),
         Parameter("growth", "1", -0.5, 1.5, inner=True),
     )
     amplitude = "coefficient_per_mm"

@@ -90,13 +90,28 @@ def _with_block(trial: CellTrial, state: TrialState, shared: Shared) -> TrialSta
 def noise_of(fit: StudyFit) -> NoiseModel:
     """Return the noise from what differs between trials of one condition at rest, each after its own tissue.
 
-    This is the pure error of a lack-of-fit test: what all trials of a condition have in common is no noise, whatever
-    it is. Where a condition was run once its residual itself is taken.
+    One or two trials can't tell slow noise from what a law leaves over: all of it is weighed as if it were white, and
+    no smaller than the residual itself, or what is quiet at rest would make a law's own inexactness infinite.
     """
     rates = [t.sample_rate_hz for t in fit.trials]
-    if not all_equal(rates):
+    if all_equal(rates) and all(t.uneven_s is None for t in fit.trials):
+        noise = measure_noise(_at_rest(fit), rates[0])
+    else:
         white = [sample_noise(fit.full_residual_mn(j)) for j in range(len(fit.trials))]
-        return NoiseModel(max(float(np.median(white)), 1e-12))
+        noise = NoiseModel(max(float(np.median(white)), 1e-12))
+    if len(fit.trials) >= FEWEST_HELD_OUT:
+        return noise
+    slow = 2.0 * rates[0] * sum(variance * time_s for variance, time_s in noise.parts)
+    left = np.concatenate([np.sqrt(t.counts) * fit.residual_mn(j) for j, t in enumerate(fit.trials)])
+    return NoiseModel(float(max(np.sqrt(noise.white_mn**2 + slow), np.sqrt(np.mean(left**2)))))
+
+
+def _at_rest(fit: StudyFit) -> list[FloatArray]:
+    """Return stretches of residual at rest, each less what trials of its condition have in common.
+
+    What is left is the pure error of a lack-of-fit test: what all trials of a condition have in common is no noise,
+    whatever it is. Where a condition was run once its residual itself is taken.
+    """
     pieces: dict[tuple[str, str], list[FloatArray]] = {}
     for j, t in enumerate(fit.trials):
         residual = fit.full_residual_mn(j)
@@ -115,16 +130,7 @@ def noise_of(fit: StudyFit) -> NoiseModel:
             stretches += [(r[:n] - common) * np.sqrt(len(found) / (len(found) - 1)) for r in found]
         else:
             stretches += found
-    if not stretches:
-        stretches = [fit.full_residual_mn(j) for j in range(len(fit.trials))]
-    noise = measure_noise(stretches, rates[0])
-    if len(fit.trials) >= FEWEST_HELD_OUT:
-        return noise
-    # one or two trials can't tell slow noise from what a law leaves over: all of it is weighed as if it were white,
-    # and no smaller than the residual itself, or what is quiet at rest would make a law's own inexactness infinite
-    slow = 2.0 * rates[0] * sum(variance * time_s for variance, time_s in noise.parts)
-    left = np.concatenate([np.sqrt(t.counts) * fit.residual_mn(j) for j, t in enumerate(fit.trials)])
-    return NoiseModel(float(max(np.sqrt(noise.white_mn**2 + slow), np.sqrt(np.mean(left**2)))))
+    return stretches or [fit.full_residual_mn(j) for j in range(len(fit.trials))]
 
 
 def noise_left(fit: StudyFit) -> NoiseModel:

@@ -49,7 +49,7 @@ def find_outliers(fit: StudyFit) -> Bursts:
         return NO_BURSTS
     j = int(np.argmax([np.abs(s.off).max(initial=0.0) for s in scattered]))
     most = int(np.argmax(np.abs(scattered[j].off)))
-    at_s = float(np.flatnonzero(kept[j])[most] / fit.trials[j].sample_rate_hz)
+    at_s = float(fit.trials[j].full_time_s[kept[j]][most])
     rms_mn = whole.far_sd * float(np.median([s.sigma_mn for s in scattered]))
     return Bursts(whole.evidence, phase_at(fit.trials[j], at_s), at_s, rms_mn)
 

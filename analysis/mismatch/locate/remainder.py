@@ -94,8 +94,7 @@ def _without(account: Account, shape: CommonShape) -> StudyFit:
     """Return the fit to trials from whose force a shape was taken."""
     trials = []
     for trial, force in zip(account.fit.trials, shape.force_mn, strict=True):
-        time_s = np.arange(len(trial.full_force_mn)) / trial.sample_rate_hz
-        full = trial.full_force_mn - np.interp(time_s, trial.time_s, force)
+        full = trial.full_force_mn - np.interp(trial.full_time_s, trial.time_s, force)
         trials.append(replace(trial, force_mn=trial.force_mn - force, full_force_mn=full.astype(np.float32)))
     return replace(account.fit, trials=tuple(trials))
 

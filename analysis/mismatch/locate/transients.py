@@ -74,7 +74,6 @@ def phase_at(trial: CellTrial, at_s: float) -> str:
 def _scores(fit: StudyFit, j: int) -> tuple[FloatArray, FloatArray, float]:
     """Return standardised sums (W, N) of samples about every time (N,), and the deviation of one, mN."""
     trial = fit.trials[j]
-    rate = trial.sample_rate_hz
     residual = fit.full_residual_mn(j)
     # a level that follows what lasts longer than any burst
     level_n = 8 * WIDTHS[-1]
@@ -93,15 +92,13 @@ def _scores(fit: StudyFit, j: int) -> tuple[FloatArray, FloatArray, float]:
         # correlated noise makes sums of its own size: they are measured by the middle of their own
         spread = 1.4826 * float(np.median(np.abs(sums[kept]))) if kept.any() else 0.0
         rows.append(sums / max(spread, np.sqrt(width), 1e-12))
-    times = np.arange(len(white)) / rate
-    return np.array(rows)[:, kept], times[kept], sigma
+    return np.array(rows)[:, kept], trial.full_time_s[kept], sigma
 
 
 def at_rest(fit: StudyFit, j: int) -> NDArray[np.bool_]:
     """Return which samples (N,) are away from motion and from named steps."""
     trial, state = fit.trials[j], fit.states[j]
-    n = len(trial.full_force_mn)
-    samples = np.arange(n) / trial.sample_rate_hz
+    samples = trial.full_time_s
     moving = trial.time_s[moves(trial.velocity_mm_s)]
     steps = np.array([s.at for s in state.shapes if s.acts != "force" and not s.kind and s.at > 0])
     return ~(_near(samples, moving) | _near(samples, steps))

@@ -46,7 +46,7 @@ class Place:
         cells = np.flatnonzero(trial.in_phase(self.phase)) if self.phase in PHASE_NAMES else np.zeros(0)
         if not len(cells):
             return None
-        half = 0.5 * trial.counts / trial.sample_rate_hz
+        half = 0.5 * trial.widths_s
         a, b = float((trial.time_s - half)[cells[0]]), float((trial.time_s + half)[cells[-1]])
         return a + self.begin * (b - a), a + self.end * (b - a)
 
@@ -65,7 +65,7 @@ def window_columns(trial: CellTrial) -> FloatArray:
         cells = np.flatnonzero(trial.in_phase(name))
         if not len(cells):
             continue
-        half = 0.5 * trial.counts[cells] / trial.sample_rate_hz
+        half = 0.5 * trial.widths_s[cells]
         start, stop = float(trial.time_s[cells[0]] - half[0]), float(trial.time_s[cells[-1]] + half[-1])
         u = (trial.time_s[cells] - start) / max(stop - start, 1e-12)
         for k, place in enumerate(PLACES):

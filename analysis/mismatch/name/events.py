@@ -49,7 +49,7 @@ SETTLES = 0.1
 
 def step_shape(trial: CellTrial, time_s: float, rise_s: float) -> FloatArray:
     """Return a step (n,) from 0 to 1 about a time, as the mean over each cell of a ramp of ``rise_s``."""
-    half = 0.5 * trial.counts / trial.sample_rate_hz
+    half = 0.5 * trial.widths_s
 
     def integral(t: FloatArray) -> FloatArray:
         u = np.clip(t / rise_s + 0.5, 0.0, 1.0)
@@ -85,7 +85,7 @@ def bent_shapes(event: Event, trial: CellTrial, time_s: float, rise_s: float) ->
             speeds.append((bent - smooth * bent.sum() / smooth.sum()) / np.abs(bent).sum())
         places = np.cumsum(speeds, axis=1)
     area = np.cumsum(places, axis=1) * (u[1] - u[0])
-    half = 0.5 * trial.counts / trial.sample_rate_hz
+    half = 0.5 * trial.widths_s
     before, after = ((trial.time_s - time_s + sign * half) / half_s for sign in (-1.0, 1.0))
     return np.array([np.interp(after, u, a) - np.interp(before, u, a) for a in area]) * half_s / (2.0 * half)
 

@@ -55,7 +55,8 @@ def find_lines(fit: StudyFit) -> list[Line]:
     H0: at every frequency the periodogram of each trial is exponential about its neighbours' median, so that the mean
     over trials is a gamma variable; p-values are multiplied by the frequencies looked at.
     """
-    if not all_equal([t.sample_rate_hz for t in fit.trials]):
+    trials = fit.trials
+    if not all_equal([t.sample_rate_hz for t in trials]) or any(t.uneven_s is not None for t in trials):
         return []
     rate = fit.trials[0].sample_rate_hz
     stretches = [s for j in range(len(fit.trials)) if (s := _at_rest(fit, j)) is not None]

@@ -77,7 +77,7 @@ def waves(
 ) -> FloatArray:
     """Return cosine and sine of an overtone on every hat of the rhythm, (2h, n), averaged over the cells."""
     phase = 2.0 * np.pi * number * frequency_hz * trial.time_s
-    blur = np.sinc(number * frequency_hz * trial.counts / trial.sample_rate_hz)
+    blur = np.sinc(number * frequency_hz * trial.widths_s)
     hats = knots(trial, frequency_hz, cycles)
     return np.vstack([hats * np.cos(phase) * blur, hats * np.sin(phase) * blur])
 
@@ -196,7 +196,7 @@ def tuned(fit: StudyFit, j: int, near_hz: float, size_mm: float) -> float:
     prior = np.repeat([(stiffness * size_mm * OVERTONES.get(n, 1.0)) ** -2 for n in numbers], 2)
     phases = 2.0 * np.pi * np.multiply.outer(time_s, np.outer(tried, numbers).ravel())
     columns = np.stack([np.cos(phases), np.sin(phases)], axis=-1).reshape(len(time_s), -1)
-    blur = np.sinc(np.multiply.outer(trial.counts / trial.sample_rate_hz, np.outer(tried, numbers).ravel()))
+    blur = np.sinc(np.multiply.outer(trial.widths_s, np.outer(tried, numbers).ravel()))
     white = fit.projectors[j](stiffness * size_mm * columns * np.repeat(blur, 2, axis=1) * touching[:, None])
     prior = prior * (stiffness * size_mm) ** 2
     scores = fit.projectors[j].residual @ white

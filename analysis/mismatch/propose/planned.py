@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.recordings.trial import Calibration, Phase, ProtocolSummary, Trial
-from analysis.simulation.cells import CellTrial, reduce_trial
+from analysis.simulation.cells import CellTrial
 from analysis.simulation.motion import Motion
+from analysis.simulation.reduction import reduce_trial
 from analysis.simulation.servo import follow
 
 FloatArray = NDArray[np.float64]

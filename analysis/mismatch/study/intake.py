@@ -13,8 +13,9 @@ from analysis.errors import BadInputError
 from analysis.mismatch.study.repeats import with_conditions
 from analysis.recordings import read_trial
 from analysis.recordings.trial import Trial
-from analysis.simulation.cells import CellTrial, reduce_trial
+from analysis.simulation.cells import CellTrial
 from analysis.simulation.motion import estimate_motion, fit_servo
+from analysis.simulation.reduction import reduce_trial
 
 Setting = Literal["finger", "lever", "other"]
 """A finger under a lever, another specimen under a lever, or another instrument."""
@@ -160,8 +161,8 @@ def _notes(heads: Sequence[Trial]) -> tuple[str, ...]:
     uneven = sum(h.native is not None for h in heads)
     if uneven:
         notes.append(
-            f"{uneven} of {len(heads)} recordings were not evenly sampled and are interpolated: neighbouring samples "
-            "are not independent, so errors are larger and p-values weaker than they look."
+            f"{uneven} of {len(heads)} recordings were not evenly sampled. Their samples are compared as they were "
+            "taken; all noise is taken as white, and lines in the spectra were not looked for."
         )
     return tuple(notes)
 

@@ -97,7 +97,8 @@ def _legs(trial: CellTrial) -> list[_Leg]:
         cells = np.flatnonzero(trial.in_phase(name))
         if not len(cells):
             continue
-        lasted_s = float(trial.counts[cells].sum()) / trial.sample_rate_hz
+        ends_s = trial.time_s[cells] + 0.5 * trial.widths_s[cells]
+        lasted_s = float(ends_s[-1] - trial.time_s[cells[0]] + 0.5 * trial.widths_s[cells[0]])
         moving = name in ("ramp", "retract")
         # a move with its neighbours, so that it begins and ends at rest however few its samples are
         inside = slice(max(cells[0] - 1, 0), cells[-1] + 2) if moving else slice(cells[0], cells[-1] + 1)

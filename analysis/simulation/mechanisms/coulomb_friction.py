@@ -61,7 +61,7 @@ class CoulombFriction(Mechanism):
 
     def sensor_force_mn(self, trial: CellTrial, force_mn: FloatArray, p: Values) -> FloatArray:
         """F + Fc z."""
-        v, step_s = trial.velocity_mm_s, trial.counts / trial.sample_rate_hz
+        v, step_s = trial.velocity_mm_s, trial.widths_s
         bristle_mm = p["bristle"] * trial.study_depth_mm
         z = (1.0 - p["carried"]) * _bristle_force(v, step_s, bristle_mm, 1e3 / p["fade_ms"])
         if p["carried"]:

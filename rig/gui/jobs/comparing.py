@@ -17,10 +17,11 @@ from analysis.recordings.opening import access, open_file
 from analysis.recordings.reading import read_trial
 from analysis.recordings.tables import read_phases
 from analysis.recordings.trial import FloatArray, Phase
-from analysis.simulation.cells import CellTrial, reduce_trial
+from analysis.simulation.cells import CellTrial
 from analysis.simulation.forward import PerTrial, simulate_force
 from analysis.simulation.mechanism import Mechanism, Tissue, Values, library
 from analysis.simulation.motion import estimate_motion
+from analysis.simulation.reduction import reduce_trial
 from rig.gui.jobs.report_file import Quantity, Report
 
 _ENOUGH = 200

@@ -19,7 +19,7 @@ def _cells(n: int = 300) -> SimpleNamespace:
         fitted=np.ones(n, dtype=bool),
         time_s=time_s,
         counts=counts,
-        sample_rate_hz=8000.0,
+        widths_s=counts / 8000.0,
         steps=Steps.between(time_s),
     )
 
@@ -27,7 +27,7 @@ def _cells(n: int = 300) -> SimpleNamespace:
 def _covariance(cells: SimpleNamespace, noise: NoiseModel) -> np.ndarray:
     """Covariance of cells' means, added up over 32 equal parts of every cell."""
     within = (np.arange(32) + 0.5) / 32 - 0.5
-    width_s = cells.counts / cells.sample_rate_hz
+    width_s = cells.widths_s
     t = (cells.time_s[:, None] + within * width_s[:, None]).ravel()
     lag = np.abs(t[:, None] - t)
     every = sum(v * np.exp(-lag / tau) for v, tau in noise.parts)

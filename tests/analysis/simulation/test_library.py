@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.simulation.cells import CellTrial, reduce_trial
+from analysis.simulation.cells import CellTrial
 from analysis.simulation.forward import PerTrial, simulate_force
 from analysis.simulation.mechanism import Mechanism, Tissue, library
 from analysis.simulation.motion import estimate_motion
+from analysis.simulation.reduction import reduce_trial
 
 SHARED = Path(__file__).parents[4] / "shared" / "mechanisms.md"
 LENGTHS = (

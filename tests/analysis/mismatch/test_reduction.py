@@ -1,0 +1,63 @@
+"""Trials in cells: a sample counts once, and what was interpolated between samples is none."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from analysis.recordings.trial import NativeSamples, Trial
+from analysis.simulation.cells import CellTrial
+from analysis.simulation.motion import estimate_motion
+from analysis.simulation.reduction import reduce_trial
+from sim_hardware.concealment.offline import study_plans
+
+FloatArray = NDArray[np.float64]
+
+
+@pytest.fixture(scope="module")
+def trial(record: Callable[..., list[Trial]]) -> Trial:
+    return record(45, plans=study_plans(depths_mm=(0.5,), repeats=1, hold_s=1.0, dwell_s=0.2))[0]
+
+
+def reduced(trial: Trial) -> CellTrial:
+    return reduce_trial(trial, estimate_motion(trial))
+
+
+def taken_at(trial: Trial, times_s: FloatArray) -> Trial:
+    """Return the trial as if its samples had been taken at these times only."""
+    position_mm, force_mn = (np.interp(times_s, trial.time_s, s) for s in (trial.position_mm, trial.force_mn))
+    return replace(trial, native=NativeSamples(times_s, position_mm, force_mn))
+
+
+def test_samples_that_were_evenly_taken_make_the_same_cells_either_way(trial: Trial) -> None:
+    plain = reduced(trial)
+    native = NativeSamples(trial.time_s, trial.position_mm, trial.force_mn)
+    same = reduced(replace(trial, native=native))
+    np.testing.assert_array_equal(same.starts, plain.starts)
+    np.testing.assert_array_equal(same.phase, plain.phase)
+    for name in ("counts", "time_s", "position_mm", "velocity_mm_s", "force_mn", "widths_s", "full_time_s"):
+        np.testing.assert_allclose(getattr(same, name), getattr(plain, name), atol=1e-9, err_msg=name)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_every_sample_as_it_was_taken_is_in_one_cell(trial: Trial, seed: int) -> None:
+    random = np.random.default_rng(seed)
+    length_s = float(trial.time_s[-1])
+    # dense at first, then ever sparser, as creep is recorded
+    between_s = np.geomspace(1e-3, 0.2, 300) * random.uniform(0.5, 1.5, 300)
+    times_s = np.concatenate([[0.0], np.cumsum(between_s)])
+    times_s = np.append(times_s[times_s < 0.95 * length_s], length_s)
+    cells = reduced(taken_at(trial, times_s))
+    assert cells.counts.sum() == len(times_s)
+    assert (cells.counts >= 1).all()
+    assert np.all(np.diff(cells.time_s) > 0)
+    assert (cells.widths_s < 0.5 * length_s).all()
+    force_mn = np.interp(times_s, trial.time_s, trial.force_mn)
+    np.testing.assert_allclose(cells.force_mn, np.add.reduceat(force_mn, cells.starts) / cells.counts)
+    single = cells.counts == 1
+    np.testing.assert_allclose(cells.time_s[single], times_s[cells.starts[single]])
+    np.testing.assert_allclose(cells.widths_s[single], 1.0 / trial.sample_rate_hz)

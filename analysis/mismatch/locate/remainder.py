@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.study_fit import StudyFit
-from analysis.mismatch.levels import ENOUGH_UNKNOWN, INEXACT
+from analysis.mismatch.levels import ENOUGH_UNKNOWN, INEXACT, SMALL_SHARE
 from analysis.mismatch.locate.outliers import find_outliers
 from analysis.mismatch.locate.quiet import out_of_contact
 from analysis.mismatch.locate.session import NO_TREND, Trend, find_trend
@@ -42,6 +43,35 @@ class Remainder:
     def significant(self) -> bool:
         """Whether it is more than noise."""
         return self.evidence > ENOUGH_UNKNOWN or self.trend.significant
+
+
+@dataclass(frozen=True)
+class Nameless:
+    """What effects explain that no mechanism names: their share of all evidence, and the most they change, mN."""
+
+    share: float
+    most_mn: float
+
+    def is_small(self, tolerance_mn: float) -> bool:
+        """Whether it is no more than what laws leave over by being inexact."""
+        return self.share < SMALL_SHARE and self.most_mn < tolerance_mn
+
+
+def nameless_of(account: Account, nothing: Account, named: Sequence[str]) -> Nameless:
+    """Return what an account's effects other than the named ones explain, all by the account's noise.
+
+    ``nothing`` is the account without effects at that noise.
+    """
+    without = bare = account
+    for name in (n for n in account.names if n not in named):
+        without, bare = without.without(name), bare.stripped(name)
+    if without is account:
+        return Nameless(0.0, 0.0)
+    changes = (account.fit.force_mn(j) - bare.fit.force_mn(j) for j in range(len(account.fit.trials)))
+    explained = max(account.gain_over(nothing)[0], 1e-12)
+    return Nameless(
+        account.gain_over(without)[0] / explained, max(float(np.abs(change).max()) for change in changes)
+    )
 
 
 def remainder_of(account: Account, nothing: Account) -> Remainder:

@@ -11,6 +11,7 @@ from analysis.mismatch.diagnosis import Diagnosis
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.gram import solve
 from analysis.mismatch.levels import KEPT, SMALL_SHARE, TOLERANCE_SHARE
+from analysis.mismatch.locate.remainder import Nameless, nameless_of
 from analysis.mismatch.model.effects import TISSUE_NAMES, TISSUE_SIZE
 from analysis.mismatch.name.finding import SIZE_INEXACT, Finding, Quantity
 from analysis.mismatch.report import wording
@@ -39,7 +40,8 @@ def make_report(diagnosis: Diagnosis, *, baseline: str, seed: int, tolerance_mn:
     improved = diagnosis.improved if kept else diagnosis.baseline
     mechanisms = _mechanisms(diagnosis, kept)
     remainder = _remainder(diagnosis)
-    verdict = _verdict(diagnosis, mechanisms, remainder, tolerance_mn)
+    nameless = nameless_of(diagnosis.improved, diagnosis.baseline, [f.name for f in diagnosis.findings])
+    verdict = _verdict(diagnosis, mechanisms, remainder, nameless, tolerance_mn)
     located = diagnosis.located or diagnosis.left
     mismatch = () if verdict == "no_mismatch" else (*force_windows(located), *position_windows(diagnosis))
     if verdict == "unknown" and mechanisms:
@@ -57,11 +59,16 @@ def make_report(diagnosis: Diagnosis, *, baseline: str, seed: int, tolerance_mn:
         baseline_parameters=tissue_quantities(diagnosis.baseline),
         improved_parameters=tissue_quantities(improved),
         heldout=_comparison(diagnosis, named=bool(kept)),
-        explained_share=_explained_share(diagnosis) if mechanisms else 0.0,
+        explained_share=_explained_share(diagnosis, nameless) if mechanisms else 0.0,
         remainder=remainder if verdict in ("named", "one_of") else None,
         next_experiment=None,
         left_out=diagnosis.intake.left_out,
-        notes=(*diagnosis.intake.notes, *_notes(diagnosis, mechanisms), *tolerated),
+        notes=(
+            *diagnosis.intake.notes,
+            *_notes(diagnosis, mechanisms),
+            *_nameless_note(nameless),
+            *tolerated,
+        ),
         tolerance_mn=tolerance_mn,
         seed=seed,
         peak_force_mn=max(float(np.ptp(t.force_mn)) for t in diagnosis.intake.trials),
@@ -69,6 +76,15 @@ def make_report(diagnosis: Diagnosis, *, baseline: str, seed: int, tolerance_mn:
         imports=diagnosis.intake.imports,
     )
     return replace(report, summary=wording.summary(report))
+
+
+def _nameless_note(nameless: Nameless) -> tuple[str, ...]:
+    if not nameless.share:
+        return ()
+    return (
+        f"Something that no mechanism of the library names explains {wording.percent(nameless.share)} of what differed "
+        f"and changes the force by {wording.force(nameless.most_mn)} at most.",
+    )
 
 
 def kept_findings(diagnosis: Diagnosis) -> tuple[Finding, ...]:
@@ -92,17 +108,17 @@ def _verdict(
     diagnosis: Diagnosis,
     mechanisms: Sequence[FoundMechanism],
     remainder: Remainder | None,
+    nameless: Nameless,
     tolerance_mn: float,
 ) -> Verdict:
     position = diagnosis.position
     lever_unknown = position is not None and len(position.unknown_bins) > 0 and not servo_named(diagnosis)
     small = remainder is None or (remainder.share < SMALL_SHARE and remainder.rms_mn < tolerance_mn)
-    nameless = any(not line.name for line in diagnosis.lines) or len(diagnosis.findings) < len(
-        diagnosis.improved.names
-    )
     if diagnosis.remainder.significant and not small:
         return "unknown"
-    if lever_unknown or nameless or len(kept_findings(diagnosis)) < len(diagnosis.findings):
+    if any(not line.name for line in diagnosis.lines) or not nameless.is_small(tolerance_mn):
+        return "unknown"
+    if lever_unknown or len(kept_findings(diagnosis)) < len(diagnosis.findings):
         return "unknown"
     if not mechanisms:
         return "no_mismatch"
@@ -210,10 +226,13 @@ def _comparison(diagnosis: Diagnosis, *, named: bool) -> Comparison:
     )
 
 
-def _explained_share(diagnosis: Diagnosis) -> float:
-    """Return what share of the evidence for any mismatch is explained, mean of the channels in which there is one."""
+def _explained_share(diagnosis: Diagnosis, nameless: Nameless) -> float:
+    """Return what share of the evidence for any mismatch is explained, mean of the channels in which there is one.
+
+    What has no name explains nothing.
+    """
     left = diagnosis.remainder.share if diagnosis.remainder.significant else 0.0
-    shares = [1.0 - left] if diagnosis.findings or left else []
+    shares = [max(1.0 - left - nameless.share, 0.0)] if diagnosis.findings or left else []
     position = diagnosis.position
     if position is not None and (servo_named(diagnosis) or len(position.unknown_bins)):
         shares.append(min(position.explained, 1.0) if servo_named(diagnosis) else 0.0)

@@ -1,0 +1,47 @@
+"""What is left, and what was found but has no name: how much of everything it is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.mismatch.evidence.account import Account
+from analysis.mismatch.fit.baseline import fit_baseline
+from analysis.mismatch.locate.remainder import Nameless, nameless_of
+from analysis.mismatch.model.effects import OwnShape
+from analysis.mismatch.study.intake import take_in_memory
+from analysis.recordings.trial import Trial
+from sim_hardware.concealment.offline import study_plans
+
+
+@pytest.mark.parametrize("size_mn", [0.2, 2.0])
+def test_what_has_no_name_is_told_by_its_share_and_its_force(
+    record: Callable[..., list[Trial]], size_mn: float
+) -> None:
+    fit = fit_baseline(
+        take_in_memory(record(48, plans=study_plans(depths_mm=(0.5,), repeats=4, hold_s=1.0))).trials
+    )
+    trials, states = [], []
+    for trial, state in zip(fit.trials, fit.states, strict=True):
+        held_s = trial.time_s - np.median(trial.time_s[trial.in_phase("hold")])
+        twitch = np.exp(-0.5 * (held_s / 0.05) ** 2)
+        trials.append(replace(trial, force_mn=trial.force_mn + size_mn * twitch))
+        states.append(state.with_shapes([OwnShape("transient", "force", twitch, 1.0)], size_mn))
+    twitching = replace(fit, trials=tuple(trials))
+    nothing = Account(twitching.with_states())
+    account = Account(replace(twitching, states=tuple(states)).with_states(), steps={"transient": 0.0})
+    found = nameless_of(account, nothing, [])
+    assert found.share == pytest.approx(1.0, abs=0.05)
+    assert found.most_mn == pytest.approx(size_mn, rel=0.2)
+    assert not found.is_small(0.3)
+    # with a name it is none of this
+    assert nameless_of(account, nothing, ["transient"]) == Nameless(0.0, 0.0)
+
+
+def test_little_without_a_name_is_what_laws_leave_over() -> None:
+    assert Nameless(0.02, 0.1).is_small(0.3)
+    assert not Nameless(0.02, 0.4).is_small(0.3)
+    assert not Nameless(0.2, 0.1).is_small(0.3)

@@ -15,6 +15,7 @@ from analysis.mismatch.locate.quiet import out_of_contact
 from analysis.mismatch.locate.session import NO_TREND, Trend, find_trend
 from analysis.mismatch.locate.transients import NO_BURSTS, Bursts, find_bursts
 from analysis.mismatch.locate.windows import CommonShape, common_shape, own_evidence
+from analysis.recordings.trial import PHASE_NAMES
 
 
 @dataclass(frozen=True)
@@ -47,14 +48,17 @@ class Remainder:
 
 @dataclass(frozen=True)
 class Nameless:
-    """What effects explain that no mechanism names: their share of all evidence, and the most they change, mN."""
+    """What effects explain that no mechanism names: their share of all evidence, and their rms force, mN.
+
+    The force is that of the phase in which it is largest, over all trials.
+    """
 
     share: float
-    most_mn: float
+    rms_mn: float
 
     def is_small(self, tolerance_mn: float) -> bool:
         """Whether it is no more than what laws leave over by being inexact."""
-        return self.share < SMALL_SHARE and self.most_mn < tolerance_mn
+        return self.share < SMALL_SHARE and self.rms_mn < tolerance_mn
 
 
 def nameless_of(account: Account, nothing: Account, named: Sequence[str]) -> Nameless:
@@ -67,11 +71,15 @@ def nameless_of(account: Account, nothing: Account, named: Sequence[str]) -> Nam
         without, bare = without.without(name), bare.stripped(name)
     if without is account:
         return Nameless(0.0, 0.0)
-    changes = (account.fit.force_mn(j) - bare.fit.force_mn(j) for j in range(len(account.fit.trials)))
+    squares, samples = np.zeros(len(PHASE_NAMES)), np.zeros(len(PHASE_NAMES))
+    for j, trial in enumerate(account.fit.trials):
+        inside = trial.phase >= 0
+        change = account.fit.force_mn(j) - bare.fit.force_mn(j)
+        squares += np.bincount(trial.phase[inside], (trial.counts * change**2)[inside], len(PHASE_NAMES))
+        samples += np.bincount(trial.phase[inside], trial.counts[inside], len(PHASE_NAMES))
     explained = max(account.gain_over(nothing)[0], 1e-12)
-    return Nameless(
-        account.gain_over(without)[0] / explained, max(float(np.abs(change).max()) for change in changes)
-    )
+    rms_mn = float(np.sqrt(np.max(squares / np.maximum(samples, 1.0))))
+    return Nameless(account.gain_over(without)[0] / explained, rms_mn)
 
 
 def remainder_of(account: Account, nothing: Account) -> Remainder:

@@ -83,7 +83,7 @@ def _nameless_note(nameless: Nameless) -> tuple[str, ...]:
         return ()
     return (
         f"Something that no mechanism of the library names explains {wording.percent(nameless.share)} of what differed "
-        f"and changes the force by {wording.force(nameless.most_mn)} at most.",
+        f"and changes the force by {wording.force(nameless.rms_mn)} rms.",
     )
 
 

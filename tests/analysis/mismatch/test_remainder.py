@@ -35,8 +35,9 @@ def test_what_has_no_name_is_told_by_its_share_and_its_force(
     account = Account(replace(twitching, states=tuple(states)).with_states(), steps={"transient": 0.0})
     found = nameless_of(account, nothing, [])
     assert found.share == pytest.approx(1.0, abs=0.05)
-    assert found.most_mn == pytest.approx(size_mn, rel=0.2)
-    assert not found.is_small(0.3)
+    # rms of a Gaussian of 0.05 s over a hold of 1 s
+    assert found.rms_mn == pytest.approx(size_mn * np.sqrt(np.sqrt(np.pi) * 0.05), rel=0.1)
+    assert not found.is_small(10.0)
     # with a name it is none of this
     assert nameless_of(account, nothing, ["transient"]) == Nameless(0.0, 0.0)
 

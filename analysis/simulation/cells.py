@@ -74,6 +74,12 @@ class CellTrial:
             return self.uneven_s
         return np.arange(len(self.full_force_mn)) / self.sample_rate_hz
 
+    def span_s(self, cells: IntArray) -> tuple[float, float]:
+        """Return when the first of these cells begins and the last ends, s from the trial's first sample."""
+        first, last = cells[0], cells[-1]
+        half_s = 0.5 * self.widths_s
+        return float(self.time_s[first] - half_s[first]), float(self.time_s[last] + half_s[last])
+
     @cached_property
     def widths_s(self) -> FloatArray:
         """How long the samples of each cell took, (n,)."""

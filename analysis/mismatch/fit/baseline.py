@@ -12,7 +12,7 @@ from analysis.errors import BadInputError
 from analysis.mismatch.fit.noise import NoiseModel, measure_noise
 from analysis.mismatch.fit.slow_noise import with_slow_noise
 from analysis.mismatch.fit.start import longest_s, start_rigid, start_tissue
-from analysis.mismatch.fit.study_fit import StudyFit, all_equal
+from analysis.mismatch.fit.study_fit import StudyFit, sampled_alike
 from analysis.mismatch.fit.whitener import Whitener
 from analysis.mismatch.levels import FEWEST_HELD_OUT
 from analysis.mismatch.model.effects import OwnShape, Shared, TrialState, simulate, tissue_force
@@ -93,15 +93,15 @@ def noise_of(fit: StudyFit) -> NoiseModel:
     One or two trials can't tell slow noise from what a law leaves over: all of it is weighed as if it were white, and
     no smaller than the residual itself, or what is quiet at rest would make a law's own inexactness infinite.
     """
-    rates = [t.sample_rate_hz for t in fit.trials]
-    if all_equal(rates) and all(t.uneven_s is None for t in fit.trials):
-        noise = measure_noise(_at_rest(fit), rates[0])
+    rate = fit.trials[0].sample_rate_hz
+    if sampled_alike(fit.trials):
+        noise = measure_noise(_at_rest(fit), rate)
     else:
         white = [sample_noise(fit.full_residual_mn(j)) for j in range(len(fit.trials))]
         noise = NoiseModel(max(float(np.median(white)), 1e-12))
     if len(fit.trials) >= FEWEST_HELD_OUT:
         return noise
-    slow = 2.0 * rates[0] * sum(variance * time_s for variance, time_s in noise.parts)
+    slow = 2.0 * rate * sum(variance * time_s for variance, time_s in noise.parts)
     left = np.concatenate([np.sqrt(t.counts) * fit.residual_mn(j) for j, t in enumerate(fit.trials)])
     return NoiseModel(float(max(np.sqrt(noise.white_mn**2 + slow), np.sqrt(np.mean(left**2)))))
 

@@ -125,6 +125,7 @@ def tissue_likelihood(own: OwnColumns, state: TrialState) -> tuple[FloatArray, F
     return H, H @ state.log_tissue + g
 
 
-def all_equal(rates: Sequence[float]) -> bool:
-    """Whether all trials were sampled at one rate."""
-    return float(np.ptp(rates)) <= 1e-6 * float(np.max(rates))
+def sampled_alike(trials: Sequence[CellTrial]) -> bool:
+    """Whether all trials were sampled evenly, and at one rate."""
+    rates = [t.sample_rate_hz for t in trials]
+    return float(np.ptp(rates)) <= 1e-6 * max(rates) and all(t.uneven_s is None for t in trials)

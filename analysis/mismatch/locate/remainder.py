@@ -56,9 +56,10 @@ class Nameless:
     share: float
     rms_mn: float
 
-    def is_small(self, tolerance_mn: float) -> bool:
-        """Whether it is no more than what laws leave over by being inexact."""
-        return self.share < SMALL_SHARE and self.rms_mn < tolerance_mn
+
+def is_small(share: float, rms_mn: float, tolerance_mn: float) -> bool:
+    """Whether what no mechanism names is no more than what laws leave over by being inexact."""
+    return share < SMALL_SHARE and rms_mn < tolerance_mn
 
 
 def nameless_of(account: Account, nothing: Account, named: Sequence[str]) -> Nameless:

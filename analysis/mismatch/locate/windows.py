@@ -43,11 +43,10 @@ class Place:
 
     def span(self, trial: CellTrial) -> tuple[float, float] | None:
         """Return when the window begins and ends in a trial (s from its first sample); None where it has none."""
-        cells = np.flatnonzero(trial.in_phase(self.phase)) if self.phase in PHASE_NAMES else np.zeros(0)
-        if not len(cells):
+        if self.phase not in PHASE_NAMES or not np.any(trial.in_phase(self.phase)):
             return None
-        half = 0.5 * trial.widths_s
-        a, b = float((trial.time_s - half)[cells[0]]), float((trial.time_s + half)[cells[-1]])
+        cells = np.flatnonzero(trial.in_phase(self.phase))
+        a, b = trial.span_s(cells)
         return a + self.begin * (b - a), a + self.end * (b - a)
 
 
@@ -65,8 +64,7 @@ def window_columns(trial: CellTrial) -> FloatArray:
         cells = np.flatnonzero(trial.in_phase(name))
         if not len(cells):
             continue
-        half = 0.5 * trial.widths_s[cells]
-        start, stop = float(trial.time_s[cells[0]] - half[0]), float(trial.time_s[cells[-1]] + half[-1])
+        start, stop = trial.span_s(cells)
         u = (trial.time_s[cells] - start) / max(stop - start, 1e-12)
         for k, place in enumerate(PLACES):
             if place.phase == name:

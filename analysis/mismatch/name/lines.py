@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.stats import gamma
 
-from analysis.mismatch.fit.study_fit import StudyFit, all_equal
+from analysis.mismatch.fit.study_fit import StudyFit, sampled_alike
 from analysis.mismatch.levels import FEWEST_HELD_OUT, LINE_LEVEL
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.mechanism import library
@@ -55,8 +55,7 @@ def find_lines(fit: StudyFit) -> list[Line]:
     H0: at every frequency the periodogram of each trial is exponential about its neighbours' median, so that the mean
     over trials is a gamma variable; p-values are multiplied by the frequencies looked at.
     """
-    trials = fit.trials
-    if not all_equal([t.sample_rate_hz for t in trials]) or any(t.uneven_s is not None for t in trials):
+    if not sampled_alike(fit.trials):
         return []
     rate = fit.trials[0].sample_rate_hz
     stretches = [s for j in range(len(fit.trials)) if (s := _at_rest(fit, j)) is not None]

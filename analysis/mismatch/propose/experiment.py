@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from analysis.mismatch.diagnosis import Diagnosis
-from analysis.mismatch.fit.study_fit import all_equal
+from analysis.mismatch.fit.study_fit import sampled_alike
 from analysis.mismatch.levels import LEVEL
 from analysis.mismatch.model.words import listed, spoken
 from analysis.mismatch.name.finding import LOOKED_AT
@@ -43,9 +43,9 @@ def propose(diagnosis: Diagnosis, out: Path) -> NextExperiment | None:
     None too where the trials can't have come from this kind of lever, or nothing it can do would help.
     """
     items = confusable(diagnosis)
-    rates = [t.sample_rate_hz for t in diagnosis.intake.trials]
-    rate = rates[0]
-    if not items or not all_equal(rates) or not _from_such_a_lever(diagnosis):
+    trials = diagnosis.intake.trials
+    rate = trials[0].sample_rate_hz
+    if not items or not sampled_alike(trials) or not _from_such_a_lever(diagnosis):
         return None
     base, repeats = plain_study(diagnosis)
     features = study_features(diagnosis, base)

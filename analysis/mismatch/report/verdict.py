@@ -11,7 +11,7 @@ from analysis.mismatch.diagnosis import Diagnosis
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.gram import solve
 from analysis.mismatch.levels import KEPT, SMALL_SHARE, TOLERANCE_SHARE
-from analysis.mismatch.locate.remainder import Nameless, nameless_of
+from analysis.mismatch.locate.remainder import Nameless, is_small, nameless_of
 from analysis.mismatch.model.effects import TISSUE_NAMES, TISSUE_SIZE
 from analysis.mismatch.name.finding import SIZE_INEXACT, Finding, Quantity
 from analysis.mismatch.report import wording
@@ -113,10 +113,15 @@ def _verdict(
 ) -> Verdict:
     position = diagnosis.position
     lever_unknown = position is not None and len(position.unknown_bins) > 0 and not servo_named(diagnosis)
-    small = remainder is None or (remainder.share < SMALL_SHARE and remainder.rms_mn < tolerance_mn)
-    if diagnosis.remainder.significant and not small:
+    if (
+        diagnosis.remainder.significant
+        and remainder
+        and not is_small(remainder.share, remainder.rms_mn, tolerance_mn)
+    ):
         return "unknown"
-    if any(not line.name for line in diagnosis.lines) or not nameless.is_small(tolerance_mn):
+    if any(not line.name for line in diagnosis.lines) or not is_small(
+        nameless.share, nameless.rms_mn, tolerance_mn
+    ):
         return "unknown"
     if lever_unknown or len(kept_findings(diagnosis)) < len(diagnosis.findings):
         return "unknown"

@@ -97,8 +97,7 @@ def _legs(trial: CellTrial) -> list[_Leg]:
         cells = np.flatnonzero(trial.in_phase(name))
         if not len(cells):
             continue
-        ends_s = trial.time_s[cells] + 0.5 * trial.widths_s[cells]
-        lasted_s = float(ends_s[-1] - trial.time_s[cells[0]] + 0.5 * trial.widths_s[cells[0]])
+        began_s, ended_s = trial.span_s(cells)
         moving = name in ("ramp", "retract")
         # a move with its neighbours, so that it begins and ends at rest however few its samples are
         inside = slice(max(cells[0] - 1, 0), cells[-1] + 2) if moving else slice(cells[0], cells[-1] + 1)
@@ -109,8 +108,8 @@ def _legs(trial: CellTrial) -> list[_Leg]:
             kept = moved_mm >= -travel_mm
             time_s, moved_mm = time_s[kept], moved_mm[kept]
         if len(time_s) > 1:
-            began_s = _half_way(time_s, moved_mm, travel_mm) if moving else float(time_s[0])
-            legs.append(_Leg(name, lasted_s, 1.0 / trial.sample_rate_hz, time_s - began_s, moved_mm))
+            zero_s = _half_way(time_s, moved_mm, travel_mm) if moving else float(time_s[0])
+            legs.append(_Leg(name, ended_s - began_s, 1.0 / trial.sample_rate_hz, time_s - zero_s, moved_mm))
     return legs
 
 

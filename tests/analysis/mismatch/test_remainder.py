@@ -10,7 +10,7 @@ import pytest
 
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.baseline import fit_baseline
-from analysis.mismatch.locate.remainder import Nameless, nameless_of
+from analysis.mismatch.locate.remainder import Nameless, is_small, nameless_of
 from analysis.mismatch.model.effects import OwnShape
 from analysis.mismatch.study.intake import take_in_memory
 from analysis.recordings.trial import Trial
@@ -37,12 +37,12 @@ def test_what_has_no_name_is_told_by_its_share_and_its_force(
     assert found.share == pytest.approx(1.0, abs=0.05)
     # rms of a Gaussian of 0.05 s over a hold of 1 s
     assert found.rms_mn == pytest.approx(size_mn * np.sqrt(np.sqrt(np.pi) * 0.05), rel=0.1)
-    assert not found.is_small(10.0)
+    assert not is_small(found.share, found.rms_mn, 10.0)
     # with a name it is none of this
     assert nameless_of(account, nothing, ["transient"]) == Nameless(0.0, 0.0)
 
 
 def test_little_without_a_name_is_what_laws_leave_over() -> None:
-    assert Nameless(0.02, 0.1).is_small(0.3)
-    assert not Nameless(0.02, 0.4).is_small(0.3)
-    assert not Nameless(0.2, 0.1).is_small(0.3)
+    assert is_small(0.02, 0.1, 0.3)
+    assert not is_small(0.02, 0.4, 0.3)
+    assert not is_small(0.2, 0.1, 0.3)

@@ -147,6 +147,10 @@ class Mechanism:
         """The force that is recorded."""
         return force_mn
 
+    def exchanged(self, tissue: Tissue, p: Values, arm: int) -> tuple[Tissue, Values] | None:
+        """Return the same solid with the law's part of it for one of the tissue's arms, 1 or 2; None for most laws."""
+        return None
+
     def probe_settings(self, peak_force_mn: float, depth_mm: float) -> tuple[Values, ...]:
         """Return the settings at which the signature is taken, given a study's largest force and depth.
 

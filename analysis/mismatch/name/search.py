@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 from analysis.mismatch.evidence.account import Account
+from analysis.mismatch.fit.arms import weakest_apart
 from analysis.mismatch.fit.law_fit import at_bound
 from analysis.mismatch.levels import (
     CLOSE,
@@ -70,7 +71,22 @@ def search(account: Account) -> Named:
         best = step[0]
         rivals[best.name] = step
         account, adds = pruned(begun_again(best.account.settled(), best.name, start), best)
-    return Named(account, {name: rivals[name] for name in account.names}, adds)
+    found = {name: rivals[name] for name in account.names}
+    return Named(told_apart(account, found), found, adds)
+
+
+def told_apart(account: Account, rivals: Mapping[str, tuple[Rival, ...]]) -> Account:
+    """Return the account with the weakest arm as the law's, if that predicts as well.
+
+    Trials that share their tissue show a set of arms, and any of them may have been fitted as the one that was missing.
+    """
+    for law in account.exact.fit.shared.laws:
+        exchanged = weakest_apart(account.exact.fit, law)
+        if exchanged is not None:
+            other = replace(account.exact, fit=exchanged).with_laws(exchanged.shared.laws).reweighed()
+            here, there = (replace(rivals[law.name][0], account=a) for a in (account, other))
+            return other if there.as_good_as(here) else account
+    return account
 
 
 def begun_again(account: Account, name: str, nothing: Account) -> Account:

@@ -27,6 +27,15 @@ class ThirdRelaxation(Mechanism):
     separated_by = "a longer hold, a second punch radius"
     inseparable = ("poroelastic_drainage",)
 
+    def exchanged(self, tissue: Tissue, p: Values, arm: int) -> tuple[Tissue, Values]:
+        """Return the tissue with the third arm for one of its own, which becomes the third."""
+        third = (p["ratio_to_k0"] * tissue.k0, p["time_constant_s"])
+        arms = [(tissue.k1, tissue.tau1), (tissue.k2, tissue.tau2)]
+        k, tau = arms[arm - 1]
+        arms[arm - 1] = third
+        (k2, tau2), (k1, tau1) = sorted(arms, key=lambda a: a[1])
+        return Tissue(tissue.k0, k1, tau1, k2, tau2), {"ratio_to_k0": k / tissue.k0, "time_constant_s": tau}
+
     def tissue_force_mn(
         self, trial: CellTrial, depth_mm: FloatArray, tissue: Tissue, p: Values
     ) -> FloatArray:

@@ -43,10 +43,11 @@ STRETCHED = 4.0
 """Standard deviations from the textbook beyond which an inner parameter makes a law another one."""
 
 KEPT = 0.5
-"""Share of all that is explainable which a named set must explain, or its names are those of something else."""
+"""Share of its gain that an effect must bring itself; the other part is that laws are granted to be off beside it."""
 
 SMALL_SHARE = 0.1
-"""A remainder of less than so much of the mismatch is a law's own inexactness (the report's contract)."""
+"""A remainder of less than so much of the mismatch is a law's own inexactness (the report's contract): one that is
+right to a third leaves a tenth. Laws that leave more are the nearest to something else, and are not named."""
 
 TOLERANCE_SHARE = 0.01
 """Where whole recordings lie near the tolerance, a hundredth of their largest force is tolerated instead."""

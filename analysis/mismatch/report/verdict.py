@@ -10,7 +10,7 @@ import numpy as np
 from analysis.mismatch.diagnosis import Diagnosis
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.gram import solve
-from analysis.mismatch.levels import KEPT, SMALL_SHARE, TOLERANCE_SHARE
+from analysis.mismatch.levels import SMALL_SHARE, TOLERANCE_SHARE
 from analysis.mismatch.locate.remainder import Nameless, is_small, nameless_of
 from analysis.mismatch.model.effects import TISSUE_NAMES, TISSUE_SIZE
 from analysis.mismatch.name.finding import SIZE_INEXACT, Finding, Quantity
@@ -88,20 +88,18 @@ def _nameless_note(nameless: Nameless) -> tuple[str, ...]:
 
 
 def kept_findings(diagnosis: Diagnosis) -> tuple[Finding, ...]:
-    """Return the findings that stand: not at a bound, and together most of what is explainable.
+    """Return the findings that stand: not at a bound, and together right to a third at least.
 
-    Where more is left than they explain they are the nearest laws to something else, and their names would mislead.
-    So are laws that explain because they are granted to be off: one that is right to a third leaves a tenth. A step in
-    every trial anew fits whatever happens there once: it must leave no more than a law's inexactness.
+    Where more than a tenth is left, or explained only by laws that are granted to be off, they are the nearest laws to
+    something else, and their names would mislead.
     """
-    left = diagnosis.remainder.share if diagnosis.remainder.significant else 0.0
-    if left > 1.0 - KEPT or diagnosis.remainder.inexact > SMALL_SHARE:
+    if max(_left(diagnosis), diagnosis.remainder.inexact) > SMALL_SHARE:
         return ()
-    return tuple(
-        f
-        for f in diagnosis.findings
-        if not f.at_bound and (f.mechanism.form != "event" or left <= SMALL_SHARE)
-    )
+    return tuple(f for f in diagnosis.findings if not f.at_bound)
+
+
+def _left(diagnosis: Diagnosis) -> float:
+    return diagnosis.remainder.share if diagnosis.remainder.significant else 0.0
 
 
 def _verdict(
@@ -236,7 +234,7 @@ def _explained_share(diagnosis: Diagnosis, nameless: Nameless) -> float:
 
     What has no name explains nothing.
     """
-    left = diagnosis.remainder.share if diagnosis.remainder.significant else 0.0
+    left = _left(diagnosis)
     shares = [max(1.0 - left - nameless.share, 0.0)] if diagnosis.findings or left else []
     position = diagnosis.position
     if position is not None and (servo_named(diagnosis) or len(position.unknown_bins)):
@@ -271,6 +269,12 @@ def _notes(diagnosis: Diagnosis, mechanisms: Sequence[FoundMechanism]) -> tuple[
         notes.append(
             "Sizes are those of the library's laws: ± holds how well these trials settle them, and that a law is right "
             "to about a tenth."
+        )
+    if diagnosis.findings and _left(diagnosis) > SMALL_SHARE:
+        nearest = " and ".join(wording.symbol(f.name) for f in diagnosis.findings)
+        notes.append(
+            f"Nearest to what differed came {nearest}, which would explain "
+            f"{wording.percent(1.0 - _left(diagnosis))} of it: too little to be its name."
         )
     notes += [
         f"{wording.symbol(f.name).capitalize()} ended at the limit of its range: a law that has to go so far is not "

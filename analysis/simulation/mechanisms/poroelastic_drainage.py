@@ -8,6 +8,11 @@ from analysis.simulation.cells import CellTrial
 from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Tissue, Values
 from analysis.simulation.response import arm_force, arms_force
 
+RATES = np.geomspace(0.02, 2e3, 14)
+_OF_RATES = RATES**-0.5 * np.exp(-0.25 / RATES)
+WEIGHTS = _OF_RATES / _OF_RATES.sum()
+"""What each rate (in units of 1/T) has of exp(-sqrt(u)); on a logarithmic grid the step is common to all."""
+
 
 class PoroelasticDrainage(Mechanism):
     """Relaxation 1.304 exp(-sqrt(t/T)) - 0.304 exp(-0.254 t/T) of stiffness ratio * k0 (Hu et al. 2010).
@@ -35,9 +40,6 @@ class PoroelasticDrainage(Mechanism):
     ) -> FloatArray:
         """Force of the draining fluid."""
         T = p["time_constant_s"]
-        s = np.geomspace(0.02, 2e3, 14)
-        weights = s**-0.5 * np.exp(-0.25 / s) / (2 * np.sqrt(np.pi)) * np.log(s[1] / s[0])
-        weights /= weights.sum()
-        slow = arms_force(depth_mm, trial.steps, T / s, 1.304 * weights)
+        slow = arms_force(depth_mm, trial.steps, T / RATES, 1.304 * WEIGHTS)
         fast = 0.304 * arm_force(depth_mm, trial.steps, T / 0.254)
         return p["ratio_to_k0"] * tissue.k0 * (slow - fast)

@@ -10,6 +10,9 @@ from analysis.simulation.cells import CellTrial
 from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Tissue, Values
 from analysis.simulation.response import arms_force
 
+TAUS_S = np.geomspace(5e-5, 1e4, 18)
+LOG_STEP = float(np.log(TAUS_S[1] / TAUS_S[0]))
+
 
 class PowerLawRelaxation(Mechanism):
     """A spring-pot in parallel: kernel c (t / 1 s)^-a.
@@ -37,7 +40,5 @@ class PowerLawRelaxation(Mechanism):
     ) -> FloatArray:
         """Force of the spring-pot."""
         a = p["exponent"]
-        taus = np.geomspace(5e-5, 1e4, 18)
-        step = float(np.log(taus[1] / taus[0]))
-        weights = p["coefficient_mn_per_mm"] * taus**-a * step / gamma(a)
-        return arms_force(depth_mm, trial.steps, taus, weights)
+        weights = p["coefficient_mn_per_mm"] * TAUS_S**-a * LOG_STEP / gamma(a)
+        return arms_force(depth_mm, trial.steps, TAUS_S, weights)

@@ -12,7 +12,7 @@ from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.locate.absorbed import Absorbed, find_absorbed
 from analysis.mismatch.locate.located import Located, locate, where_bursts, where_trend
 from analysis.mismatch.locate.position_channel import PositionFinding, look_at_position
-from analysis.mismatch.locate.remainder import Remainder, find_transients, remainder_of
+from analysis.mismatch.locate.remainder import Nameless, Remainder, find_transients, nameless_of, remainder_of
 from analysis.mismatch.name.finding import Finding, findings
 from analysis.mismatch.name.lines import Line, find_lines, without_lines
 from analysis.mismatch.name.ramp import undo_step
@@ -32,6 +32,7 @@ class Diagnosis:
     located: tuple[Located, ...]
     left: tuple[Located, ...]
     remainder: Remainder
+    nameless: Nameless
     absorbed: tuple[Absorbed, ...]
     position: PositionFinding | None
     confirmed: HeldOut
@@ -60,6 +61,7 @@ def diagnose(intake: Intake, *, baseline: str = "ramp", seed: int = 0) -> Diagno
     nothing = Account(fit)
     remainder = remainder_of(named.account if named.account.names else nothing, nothing)
     bursts = find_transients(nothing.fit) if named.account.names else remainder.bursts
+    nameless = nameless_of(named.account, before, [f.name for f in found])
     trend = where_trend(remainder.trend)
     return Diagnosis(
         intake=intake,
@@ -68,8 +70,9 @@ def diagnose(intake: Intake, *, baseline: str = "ramp", seed: int = 0) -> Diagno
         findings=found,
         lines=lines,
         located=(*locate(before.fit, rng, all_of_them=bool(found)), *where_bursts(bursts), *trend),
-        left=(*locate(named.account.fit, rng), *where_bursts(remainder.bursts), *trend),
+        left=(*locate(nameless.by_name.fit, rng), *where_bursts(remainder.bursts), *trend),
         remainder=remainder,
+        nameless=nameless,
         absorbed=find_absorbed(named.account.fit),
         position=look_at_position(intake.trials, rng),
         confirmed=confirm(before, named.account, rng),

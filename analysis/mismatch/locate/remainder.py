@@ -50,11 +50,12 @@ class Remainder:
 class Nameless:
     """What effects explain that no mechanism names: their share of all evidence, and their rms force, mN.
 
-    The force is that of the phase in which it is largest, over all trials.
+    The force is that of the phase in which it is largest, over all trials. ``by_name`` is the account of what has one.
     """
 
     share: float
     rms_mn: float
+    by_name: Account
 
 
 def is_small(share: float, rms_mn: float, tolerance_mn: float) -> bool:
@@ -71,7 +72,7 @@ def nameless_of(account: Account, nothing: Account, named: Sequence[str]) -> Nam
     for name in (n for n in account.names if n not in named):
         without, bare = without.without(name), bare.stripped(name)
     if without is account:
-        return Nameless(0.0, 0.0)
+        return Nameless(0.0, 0.0, account)
     squares, samples = np.zeros(len(PHASE_NAMES)), np.zeros(len(PHASE_NAMES))
     for j, trial in enumerate(account.fit.trials):
         inside = trial.phase >= 0
@@ -80,7 +81,7 @@ def nameless_of(account: Account, nothing: Account, named: Sequence[str]) -> Nam
         samples += np.bincount(trial.phase[inside], trial.counts[inside], len(PHASE_NAMES))
     explained = max(account.gain_over(nothing)[0], 1e-12)
     rms_mn = float(np.sqrt(np.max(squares / np.maximum(samples, 1.0))))
-    return Nameless(account.gain_over(without)[0] / explained, rms_mn)
+    return Nameless(account.gain_over(without)[0] / explained, rms_mn, without)
 
 
 def remainder_of(account: Account, nothing: Account) -> Remainder:

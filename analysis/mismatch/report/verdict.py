@@ -11,7 +11,7 @@ from analysis.mismatch.diagnosis import Diagnosis
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.gram import solve
 from analysis.mismatch.levels import SMALL_SHARE, TOLERANCE_SHARE
-from analysis.mismatch.locate.remainder import Nameless, is_small, nameless_of
+from analysis.mismatch.locate.remainder import Nameless, is_small
 from analysis.mismatch.model.effects import TISSUE_NAMES, TISSUE_SIZE
 from analysis.mismatch.name.finding import SIZE_INEXACT, Finding, Quantity
 from analysis.mismatch.report import wording
@@ -40,8 +40,7 @@ def make_report(diagnosis: Diagnosis, *, baseline: str, seed: int, tolerance_mn:
     improved = diagnosis.improved if kept else diagnosis.baseline
     mechanisms = _mechanisms(diagnosis, kept)
     remainder = _remainder(diagnosis)
-    nameless = nameless_of(diagnosis.improved, diagnosis.baseline, [f.name for f in diagnosis.findings])
-    verdict = _verdict(diagnosis, mechanisms, remainder, nameless, tolerance_mn)
+    verdict = _verdict(diagnosis, mechanisms, remainder, tolerance_mn)
     located = diagnosis.located or diagnosis.left
     mismatch = () if verdict == "no_mismatch" else (*force_windows(located), *position_windows(diagnosis))
     if verdict == "unknown" and mechanisms:
@@ -59,14 +58,14 @@ def make_report(diagnosis: Diagnosis, *, baseline: str, seed: int, tolerance_mn:
         baseline_parameters=tissue_quantities(diagnosis.baseline),
         improved_parameters=tissue_quantities(improved),
         heldout=_comparison(diagnosis, named=bool(kept)),
-        explained_share=_explained_share(diagnosis, nameless) if mechanisms else 0.0,
+        explained_share=_explained_share(diagnosis) if mechanisms else 0.0,
         remainder=remainder if verdict in ("named", "one_of") else None,
         next_experiment=None,
         left_out=diagnosis.intake.left_out,
         notes=(
             *diagnosis.intake.notes,
             *_notes(diagnosis, mechanisms),
-            *_nameless_note(nameless),
+            *_nameless_note(diagnosis.nameless),
             *tolerated,
         ),
         tolerance_mn=tolerance_mn,
@@ -99,14 +98,15 @@ def kept_findings(diagnosis: Diagnosis) -> tuple[Finding, ...]:
 
 
 def _left(diagnosis: Diagnosis) -> float:
-    return diagnosis.remainder.share if diagnosis.remainder.significant else 0.0
+    """Return what share of the evidence for any mismatch is left: what has no name explains nothing."""
+    left = diagnosis.remainder.share if diagnosis.remainder.significant else 0.0
+    return min(left + diagnosis.nameless.share, 1.0)
 
 
 def _verdict(
     diagnosis: Diagnosis,
     mechanisms: Sequence[FoundMechanism],
     remainder: Remainder | None,
-    nameless: Nameless,
     tolerance_mn: float,
 ) -> Verdict:
     position = diagnosis.position
@@ -117,9 +117,10 @@ def _verdict(
         and not is_small(remainder.share, remainder.rms_mn, tolerance_mn)
     ):
         return "unknown"
-    if any(not line.name for line in diagnosis.lines) or not is_small(
-        nameless.share, nameless.rms_mn, tolerance_mn
-    ):
+    nameless = diagnosis.nameless
+    if not is_small(nameless.share, nameless.rms_mn, tolerance_mn):
+        return "unknown"
+    if any(not line.name for line in diagnosis.lines):
         return "unknown"
     if lever_unknown or len(kept_findings(diagnosis)) < len(diagnosis.findings):
         return "unknown"
@@ -229,13 +230,10 @@ def _comparison(diagnosis: Diagnosis, *, named: bool) -> Comparison:
     )
 
 
-def _explained_share(diagnosis: Diagnosis, nameless: Nameless) -> float:
-    """Return what share of the evidence for any mismatch is explained, mean of the channels in which there is one.
-
-    What has no name explains nothing.
-    """
+def _explained_share(diagnosis: Diagnosis) -> float:
+    """Return what share of the evidence for any mismatch is explained, mean of the channels in which there is one."""
     left = _left(diagnosis)
-    shares = [max(1.0 - left - nameless.share, 0.0)] if diagnosis.findings or left else []
+    shares = [1.0 - left] if diagnosis.findings or left else []
     position = diagnosis.position
     if position is not None and (servo_named(diagnosis) or len(position.unknown_bins)):
         shares.append(min(position.explained, 1.0) if servo_named(diagnosis) else 0.0)

@@ -198,6 +198,8 @@ def test_names_that_explain_less_than_is_left_are_not_said(rubbing: Diagnosis) -
     fifth, twentieth = (replace(rubbing.remainder, common=1e3, share=s) for s in (0.2, 0.05))
     assert kept_findings(replace(rubbing, remainder=fifth)) == ()
     assert kept_findings(replace(rubbing, remainder=twentieth)) == rubbing.findings
+    # nor does what was found without a name explain anything
+    assert kept_findings(replace(rubbing, nameless=replace(rubbing.nameless, share=0.2))) == ()
     # right to a third: what the law gains by being granted to be off it does not explain
     assert kept_findings(replace(rubbing, remainder=replace(rubbing.remainder, inexact=0.2))) == ()
     pinned = replace(rubbing, findings=tuple(replace(f, at_bound=True) for f in rubbing.findings))

@@ -39,7 +39,7 @@ def test_what_has_no_name_is_told_by_its_share_and_its_force(
     assert found.rms_mn == pytest.approx(size_mn * np.sqrt(np.sqrt(np.pi) * 0.05), rel=0.1)
     assert not is_small(found.share, found.rms_mn, 10.0)
     # with a name it is none of this
-    assert nameless_of(account, nothing, ["transient"]) == Nameless(0.0, 0.0)
+    assert nameless_of(account, nothing, ["transient"]) == Nameless(0.0, 0.0, account)
 
 
 def test_little_without_a_name_is_what_laws_leave_over() -> None:

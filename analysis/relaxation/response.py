@@ -61,16 +61,6 @@ def basis(depth_mm: FloatArray, time: float | FloatArray, times_s: Sequence[floa
     )
 
 
-def basis_and_slopes(
-    depth_mm: FloatArray, time: float | FloatArray, times_s: Sequence[float]
-) -> tuple[FloatArray, FloatArray]:
-    """Return the basis (1 + n_arms, ..., N) mm and each arm's derivative by its tau (n_arms, ..., N) mm/s."""
-    depth_mm = np.asarray(depth_mm, dtype=float)
-    pairs = [arm_response_and_slope(depth_mm, time, tau) for tau in times_s]
-    slopes = np.stack([slope for _, slope in pairs]) if pairs else np.empty((0, *depth_mm.shape))
-    return np.stack([depth_mm, *(stretch for stretch, _ in pairs)]), slopes
-
-
 def force_response(
     depth_mm: FloatArray,
     time: float | FloatArray,
@@ -87,27 +77,6 @@ def force_response(
     for stiffness_mn_per_mm, tau_s in arms:
         force_mn = force_mn + stiffness_mn_per_mm * arm_response(depth_mm, time, tau_s)
     return np.maximum(force_mn, 0.0) if clip else force_mn
-
-
-def contact_slope(
-    position_mm: FloatArray, time: float | FloatArray, contact_mm: float, tau_s: float
-) -> FloatArray:
-    """Return the derivative of one arm's stretch by the contact point, (N,).
-
-    For d = max(position - contact, 0): moving the skin away by dz takes away a step of dz at the instant of
-    contact, and puts it back where contact is lost; the instants lie between samples and are taken there, so
-    that the derivative has one side only. The derivative of the depth itself is -1 in contact and 0 outside.
-    """
-    position_mm, step_s = _checked(position_mm, time, tau_s)
-    above_mm = position_mm - contact_mm
-    inside = above_mm > 0.0
-    entered = np.diff(inside.astype(float))
-    steps = np.broadcast_to(step_s, entered.shape)
-    moving = entered != 0.0
-    share_left = np.zeros_like(entered)
-    share_left[moving] = above_mm[1:][moving] / np.diff(above_mm)[moving]
-    jumps = -entered * np.exp(-share_left * steps / tau_s)
-    return decaying_sum(jumps, step_s, tau_s, -1.0 if inside[0] else 0.0)
 
 
 def _checked(

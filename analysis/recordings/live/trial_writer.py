@@ -83,7 +83,6 @@ class TrialWriter:
         self.phases: tuple[Phase, ...] = ()
         self.events: tuple[Event, ...] = ()
         self.surface: Surface | None = None
-        self._log = header.log
         self._names = SIGNALS if commanded else SIGNALS[:2]
         self._capacity = max(1, int(max_samples))
         self._grow = grow
@@ -148,10 +147,6 @@ class TrialWriter:
         with self._shaping:
             self.surface = surface
             self._running().write(RUNNING_SURFACE, surface_row(surface))
-
-    def add_log(self, line: str) -> None:
-        """Add a line to the log; it is written when the trial is finished."""
-        self._log = (*self._log, line)
 
     def finish(self, status: Status = "complete", reason: str = "") -> Path:
         """Close the recording: trim the file to the samples written and set how it ended.
@@ -228,7 +223,7 @@ class TrialWriter:
             protocol=h.protocol,
             specimen=h.specimen,
             events=self.events,
-            log=self._log,
+            log=h.log,
         )
 
     def _create(self) -> None:

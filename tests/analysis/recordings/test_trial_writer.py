@@ -34,12 +34,11 @@ def _append_all(writer, signals, chunk=40):
 def test_chunks_phases_and_events_come_back(tmp_path, a_header):
     signals = RNG.normal(size=(3, 1003))
     phases = (Phase("approach", 0, 500), Phase("dwell", 500, 2000))
-    with TrialWriter(tmp_path / "t.h5", a_header(log=("a",)), 2000) as writer:
+    with TrialWriter(tmp_path / "t.h5", a_header(log=("a", "b")), 2000) as writer:
         _append_all(writer, signals)
         writer.set_phases(phases)
         writer.add_event(Event(17, "limit", "ö" * 300))
         writer.set_surface(Surface(5.0, 400, 2.0, 10.0))
-        writer.add_log("b")
     trial = read_trial(tmp_path / "t.h5")
     np.testing.assert_array_equal([trial.position_v, trial.force_v, trial.command_v], signals)
     assert trial.status == "complete"

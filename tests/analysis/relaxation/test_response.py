@@ -10,8 +10,6 @@ from analysis.relaxation.response import (
     arm_response,
     arm_response_and_slope,
     basis,
-    basis_and_slopes,
-    contact_slope,
     force_response,
 )
 
@@ -93,24 +91,6 @@ def test_slope_is_the_derivative_by_tau(seed: int, tau_s: float):
     np.testing.assert_allclose(slope, numeric, atol=1e-7 * max(1.0, np.abs(numeric).max()))
 
 
-@settings(max_examples=40, deadline=None)
-@given(st.floats(0.101, 0.899), st.floats(5e-3, 20.0))
-def test_contact_slope_is_the_one_sided_derivative(contact_mm: float, tau_s: float):
-    time_s = np.linspace(0, 2, 401)
-    position_mm = np.interp(time_s, [0, 1, 1.2, 2], [0, 1, 1, 0])
-    got = contact_slope(position_mm, time_s, contact_mm, tau_s)
-
-    def exact(z0: float) -> np.ndarray:
-        knots_s = np.unique(np.concatenate([time_s, [z0, 1.2 + 0.8 * (1 - z0)]]))
-        depth_mm = np.maximum(np.interp(knots_s, [0, 1, 1.2, 2], [0, 1, 1, 0]) - z0, 0)
-        return np.interp(time_s, knots_s, arm_response(depth_mm, knots_s, tau_s))
-
-    h = 1e-6
-    near = np.abs(position_mm - contact_mm) < 2e-6
-    numeric = (exact(contact_mm + h) - exact(contact_mm - h)) / (2 * h)
-    np.testing.assert_allclose(got[~near], numeric[~near], atol=2e-4)
-
-
 def test_steps_far_longer_than_tau_neither_overflow_nor_vanish():
     time_s = np.array([0.0, 1.0, 2.0, 2.5, 1e4])
     got = arm_response(np.array([0.0, 1.0, 3.0, 3.0, 4.0]), time_s, 1e-3)
@@ -120,8 +100,6 @@ def test_steps_far_longer_than_tau_neither_overflow_nor_vanish():
 def test_no_arms_is_a_spring_and_force_never_pulls():
     depth_mm = np.array([0.0, 0.5, 0.2])
     assert basis(depth_mm, 0.1, ()).shape == (1, 3)
-    rows, slopes = basis_and_slopes(depth_mm, 0.1, ())
-    assert (rows.shape, slopes.shape) == ((1, 3), (0, 3))
     np.testing.assert_allclose(force_response(depth_mm, 0.1, 120.0), 120 * depth_mm)
     fast_back = np.array([0.0, 1.0, 1.0, 0.01])
     arms = [(500.0, 0.1)]

@@ -33,24 +33,28 @@ class Steps:
 
 @njit(cache=True)
 def _sum_of_arms(
-    drive: FloatArray,
-    index: IntArray,
-    decay: FloatArray,
-    gain: FloatArray,
-    weights: FloatArray,
-    out: FloatArray,
-) -> None:
-    rows, n = drive.shape
-    for m in range(weights.shape[0]):
-        weight = weights[m]
-        if weight == 0.0:
-            continue
-        for row in range(rows):
-            h = 0.0
-            for i in range(1, n):
-                k = index[i - 1]
-                h = decay[m, k] * h + gain[m, k] * (drive[row, i] - drive[row, i - 1])
-                out[row, i] += weight * h
+    drive: FloatArray, index: IntArray, lengths_s: FloatArray, taus_s: FloatArray, weights: FloatArray
+) -> FloatArray:
+    arms, (rows, n) = len(taus_s), drive.shape
+    decay, gain = np.empty((len(lengths_s), arms)), np.empty((len(lengths_s), arms))
+    for k in range(len(lengths_s)):
+        for m in range(arms):
+            ratio = lengths_s[k] / taus_s[m]
+            decay[k, m] = np.exp(-ratio)
+            gain[k, m] = -np.expm1(-ratio) / ratio * weights[m]
+    out = np.zeros((rows, n))
+    h = np.empty(arms)
+    for row in range(rows):
+        h[:] = 0.0
+        for i in range(1, n):
+            k = index[i - 1]
+            moved, force = drive[row, i] - drive[row, i - 1], 0.0
+            # all arms in one pass: each waits for its own product only
+            for m in range(arms):
+                h[m] = decay[k, m] * h[m] + gain[k, m] * moved
+                force += h[m]
+            out[row, i] = force
+    return out
 
 
 def arms_force(drive: FloatArray, steps: Steps, taus_s: FloatArray, weights: FloatArray) -> FloatArray:
@@ -58,12 +62,9 @@ def arms_force(drive: FloatArray, steps: Steps, taus_s: FloatArray, weights: Flo
 
     h' = d' - h / tau for each; an arm starts with ``drive[..., 0]`` relaxed away.
     """
-    rows = np.ascontiguousarray(np.atleast_2d(drive), dtype=np.float64)
-    ratio = steps.lengths_s / np.asarray(taus_s, dtype=np.float64)[:, None]
-    out = np.zeros_like(rows)
-    gain = -np.expm1(-ratio) / ratio
-    _sum_of_arms(rows, steps.index, np.exp(-ratio), gain, np.asarray(weights, dtype=np.float64), out)
-    return out.reshape(np.shape(drive))
+    rows = np.ascontiguousarray(drive if drive.ndim == 2 else np.atleast_2d(drive), dtype=np.float64)
+    found = _sum_of_arms(rows, steps.index, steps.lengths_s, taus_s, weights)
+    return np.asarray(found.reshape(np.shape(drive)))
 
 
 def arm_force(drive: FloatArray, steps: Steps, tau_s: float) -> FloatArray:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import prev_fast_len
 from scipy.optimize import nnls
 from scipy.signal import welch
 
@@ -50,7 +51,8 @@ def measure_noise(
     and each stretch's median over segments, so that one step in it does not. Slow parts are fitted beside the others
     and left out: `slow_noise` finds them.
     """
-    length = min(round(segment_s * sample_rate_hz), max(16, min(len(r) for r in residuals)))
+    shortest = max(16, min(len(r) for r in residuals))
+    length = prev_fast_len(min(round(segment_s * sample_rate_hz), shortest), real=True)
     spectra = [
         # the stubs know the kind of detrending as "literal"
         welch(r, sample_rate_hz, nperseg=length, detrend="linear", average="median")[1]  # type: ignore[call-overload]

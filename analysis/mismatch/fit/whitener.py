@@ -47,7 +47,7 @@ class Whitener:
 
     def __init__(self, trial: CellTrial, noise: NoiseModel) -> None:
         use = trial.fitted
-        self._use = use
+        self._use = slice(None) if use.all() else use
         counts = trial.counts[use]
         if not noise.parts:
             self._scale = np.sqrt(counts) / noise.white_mn
@@ -78,9 +78,8 @@ class Whitener:
 
     def __call__(self, columns: FloatArray) -> FloatArray:
         """Return the columns (n,) or (n, m) over the fitted cells, whitened."""
-        part = columns[self._use]
-        flat = part.ndim == 1
-        y = np.array(part[:, None] if flat else part, order="C")
+        flat = columns.ndim == 1
+        y = np.array((columns[:, None] if flat else columns)[self._use], order="C")
         if self._factor is not None:
             _solve_lower(*self._factor, y)
         y *= self._scale[:, None]

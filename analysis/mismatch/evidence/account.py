@@ -131,36 +131,51 @@ class Account:
             return self
         return replace(self, fit=self.fit.weighed_by(quick).with_population(1))
 
+    @property
+    def of_exact_laws(self) -> float:
+        """The evidence of all trials but for what granting brought that laws may be off."""
+        return self.nats - self.granted
+
     def settled(self) -> Account:
-        """Return the account reweighed, or begun anew if it then predicts better.
+        """Return the account reweighed, or begun anew if it then predicts better by laws that are exact.
 
         From where it stands tissue and slow noise may stand for a part of what was added.
         """
-        here = self.reweighed()
+        here = self.weighed_anew()
         exact = self.exact
         anew = begun_anew(exact.fit.weighed_by(exact.fit.noise.quicker_than(SLOW_S)))
-        there = replace(exact, fit=anew).with_laws(anew.shared.laws).reweighed()
-        return max(here, there, key=lambda a: a.nats)
+        there = replace(exact, fit=anew).with_laws(anew.shared.laws).weighed_anew()
+        return max(here, there, key=lambda a: a.nats).granting()
 
     def reweighed(self) -> Account:
         """Return the account with the noise measured anew from what it leaves, its laws exact or not as is likelier."""
+        return self.weighed_anew().granting()
+
+    def weighed_anew(self) -> Account:
+        """Return the account, its laws taken as exact, with the noise measured anew from what they leave."""
         exact = self.exact
         exact = exact.at_noise(noise_left(exact.fit))
         if self.steps:
             # fitted where no slow noise was granted, what comes in each trial anew has taken some of it up
             exact = max(exact, exact.at_noise(noise_left(exact.fit)), key=lambda a: a.nats)
-        if not exact.fit.shared.laws or len(exact.fit.trials) < FEWEST_HELD_OUT:
-            return exact
-        if exact.inexact_to(INEXACT).nats <= exact.nats:
-            return exact
-        # what laws leave over by being off has passed for slow noise until here, and bent the tissue
-        rough = self.exact.quick().inexact_to(INEXACT)
+        return exact
+
+    def granting(self) -> Account:
+        """Return the account of exact laws with them granted to be off, by a tenth or a third, where that is likelier.
+
+        What laws leave over by being off has passed for slow noise until then, and bent the tissue.
+        """
+        if not self.fit.shared.laws or len(self.fit.trials) < FEWEST_HELD_OUT:
+            return self
+        if self.inexact_to(INEXACT).nats <= self.nats:
+            return self
+        rough = self.quick().inexact_to(INEXACT)
         rough = rough.at_noise(noise_left(rough.fit.with_population(1)))
         best = max(rough, rough.inexact_to(ROUGH), key=lambda a: a.nats)
         if best is not rough:
             best = best.at_noise(best.fit.noise)
-        granted = best.nats - exact.nats
-        return replace(best, granted=granted) if granted > 0.0 else exact
+        granted = best.nats - self.nats
+        return replace(best, granted=granted) if granted > 0.0 else self
 
     def inexact_to(self, share: float) -> Account:
         """Return the account with its laws granted to be off by a share; what is linear need not be refitted."""

@@ -102,8 +102,15 @@ def begun_again(account: Account, name: str, nothing: Account) -> Account:
         options = law_options(stripped, nothing, forms)
     else:
         return account
-    again = (o.refit().reweighed() for o in options)
-    return max((account, *again), key=lambda a: a.nats)
+    return _better(account, options)
+
+
+def _better(account: Account, options: Sequence[Option]) -> Account:
+    """Return the account, or that of an option that predicts better by laws that are exact."""
+    best = max((o.refit().weighed_anew() for o in options), key=lambda a: a.nats, default=account)
+    return (
+        max(account, best.granting(), key=lambda a: a.nats) if best.nats > account.of_exact_laws else account
+    )
 
 
 def considered(account: Account, nothing: Account) -> tuple[Rival, ...]:
@@ -141,7 +148,13 @@ def considered(account: Account, nothing: Account) -> tuple[Rival, ...]:
             continue
         # a wander of any size makes likely whatever is left: who explains something leaves less than there was
         most_mn = (1.0 + INEXACT) * account.fit.left_mn
-        refits = ((option, option.refit().reweighed()) for option in options[name])
+        exact = ((option, option.refit().weighed_anew()) for option in options[name])
+        # nor are its laws granted to be off, where no more than half of a gain may come of that
+        refits = (
+            (o, r.granting())
+            for o, r in exact
+            if few or r.nats - account.of_exact_laws >= KEPT * CLOSE * best
+        )
         fits = next(((o, r) for o, r in refits if r.fit.left_mn <= most_mn), None)
         if fits is None:
             continue
@@ -187,8 +200,7 @@ def pruned(account: Account, newest: Rival) -> tuple[Account, dict[str, float]]:
             continue
         without = account.without(name).settled()
         if name in account.steps:
-            anew = [o.refit().reweighed() for o in own_options(without.quick(), name)]
-            account = max((account, *anew), key=lambda a: a.nats)
+            account = _better(account, own_options(without.quick(), name))
         adds[name] = account.gain_over(without)[0]
         if adds[name] < (ENOUGH_OWN if name in account.steps else ENOUGH_SHARED):
             account, adds = without, {}

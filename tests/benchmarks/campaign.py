@@ -28,7 +28,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from measured import Row, code_digest, diagnose, digest_of, kept_rows
+from measured import Row, code_digest, code_name, diagnose, digest_of, kept_rows
 
 import sim_hardware
 from analysis.recordings import write_trial
@@ -194,6 +194,7 @@ def main() -> int:
     given = parser.parse_args()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ.setdefault("OMP_NUM_THREADS", "1")
+    print(code_name(), flush=True)
     rows = run(
         given.campaign,
         given.skin,

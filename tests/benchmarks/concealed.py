@@ -23,7 +23,7 @@ from rich.table import Table
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from measured import Row, code_digest, diagnose, kept_rows
+from measured import Row, code_digest, code_name, diagnose, kept_rows
 
 from rig.proof.recovery import recoveries
 from rig.proof.scores import EXPECTED, Effect, Outcome, Truth, first_right, is_right
@@ -132,6 +132,7 @@ def main() -> int:
     given = parser.parse_args()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ.setdefault("OMP_NUM_THREADS", "1")
+    print(code_name(), flush=True)
     rows = run(
         given.folder,
         given.out,

@@ -11,6 +11,8 @@ from typing import Any
 
 import analysis
 
+ROOT = Path(analysis.__file__).parents[1]
+"""Where the code lies that is measured."""
 Row = dict[str, Any]
 
 _MEASURE = """
@@ -28,21 +30,13 @@ print(json.dumps({"wall_s": wall_s, "cpu_s": used.ru_utime + used.ru_stime, "pea
 def diagnose(trials: Path, out: Path, seed: int = 0) -> Row:
     """Run `indenter diagnose` on a folder; return ``report``, ``wall_s``, ``cpu_s``, ``peak_mb``, ``error``.
 
-    Where it fails there is no report, and ``error`` holds its last line.
+    Where it fails there is no report, and ``error`` holds its last line. The code is that of `code_digest`, wherever
+    the benchmark was started.
     """
-    command = [
-        sys.executable,
-        "-m",
-        "rig.cli",
-        "diagnose",
-        str(trials),
-        "--out",
-        str(out),
-        "--seed",
-        str(seed),
-    ]
+    command = [sys.executable, "-m", "rig.cli", "diagnose", str(trials.resolve())]
+    command += ["--out", str(out.resolve()), "--seed", str(seed)]
     ended = subprocess.run(
-        [sys.executable, "-c", _MEASURE, *command], capture_output=True, text=True, check=True
+        [sys.executable, "-c", _MEASURE, *command], capture_output=True, text=True, check=True, cwd=ROOT
     )
     row: Row = json.loads(ended.stdout)
     if not row["error"]:
@@ -61,6 +55,14 @@ def digest_of(package: Any) -> str:
 def code_digest() -> str:
     """Return the digest of the analysis."""
     return digest_of(analysis)
+
+
+def code_name() -> str:
+    """Return the analysis in words: its digest, and the commit where it lies in a checkout."""
+    described = subprocess.run(
+        ["git", "describe", "--always", "--dirty"], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    return f"analysis {code_digest()} {described.stdout.strip()}".strip()
 
 
 def kept_rows(path: Path) -> list[Row]:

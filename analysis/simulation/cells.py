@@ -88,6 +88,12 @@ class CellTrial:
         last = self.starts + self.counts.astype(np.int64) - 1
         return np.asarray(self.uneven_s[last] - self.uneven_s[self.starts] + 1.0 / self.sample_rate_hz)
 
+    @cached_property
+    def fitted_widths_s(self) -> tuple[FloatArray, IntArray]:
+        """The few lengths that fitted cells have (K,), s, and which of them each has."""
+        widths_s, which = np.unique(self.widths_s[self.fitted], return_inverse=True)
+        return widths_s, which.astype(np.int64)
+
     @property
     def touches(self) -> bool:
         """Whether anything is below the arm in this trial."""

@@ -19,7 +19,12 @@ FloatArray = NDArray[np.float64]
 STEPS = 2
 
 
-def settled_columns(fit: StudyFit, j: int, wanted: Sequence[Template]) -> FloatArray:
+def settled_columns(fit: StudyFit, wanted: Sequence[Template]) -> list[FloatArray]:
+    """Return what each template changes in each trial's force, (n_j, K) mN, its own parameters moved to undo it."""
+    return [_settled(fit, j, wanted) for j in range(len(fit.trials))]
+
+
+def _settled(fit: StudyFit, j: int, wanted: Sequence[Template]) -> FloatArray:
     """Return the change of force (n, K) by each template in the j-th trial, its own parameters moved to undo it, mN.
 
     A law that moves the surface by microns moves the kink of first contact, which is linear in nothing: the contact

@@ -58,7 +58,7 @@ class Whitener:
         # that between their centres times sinh(u/2) / (u/2) of each
         variance, tau_s = (np.array(values) for values in zip(*noise.parts, strict=True))
         # cells come in few lengths, and so do the times between them
-        widths_s, of_cell = np.unique(trial.widths_s[use], return_inverse=True)
+        widths_s, of_cell = trial.fitted_widths_s
         u = widths_s[:, None] / tau_s
         exact = 2 * variance * (u + np.expm1(-u)) / np.maximum(u, SMALL) ** 2
         of_parts = np.where(u > SMALL, exact, variance * (1.0 - u / 3.0))

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analysis.mismatch.evidence.account import Account, with_own_sizes
 from analysis.mismatch.evidence.heldout import predictive_deviance
 from analysis.mismatch.fit.gram import gram, solve
 from analysis.mismatch.fit.law_fit import fit_laws
-from analysis.mismatch.fit.settled import settled_columns
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import (
     CLOSE,
@@ -27,6 +27,8 @@ from analysis.mismatch.model.effects import TISSUE_SIZE
 from analysis.mismatch.name.event_scan import EventScan, scan_events, with_events
 from analysis.mismatch.name.events import EVENTS
 from analysis.mismatch.name.oscillations import OscillationScan, scan_oscillations, with_oscillation
+
+FloatArray = NDArray[np.float64]
 
 NAMELESS = "oscillation"
 """An oscillation in no band of the library."""
@@ -63,14 +65,19 @@ def worth_trying(options: list[Option], least: float, few: bool) -> list[Option]
     return first + sorted(others, key=lambda o: -o.beside)[:1]
 
 
-def law_options(account: Account, nothing: Account, wanted: list[Template]) -> list[Option]:
-    """Return the laws that might be added, weighed beside what the present laws may leave over."""
+def law_options(
+    account: Account, nothing: Account, wanted: list[Template], settled: Sequence[FloatArray]
+) -> list[Option]:
+    """Return the laws that might be added, weighed beside what the present laws may leave over.
+
+    ``settled`` is what each template changes in each trial's force, (n_j, K) mN, by `settled_columns`.
+    """
     fit = account.fit
     # of fewer trials none can say how exact a law is
     inexact = account.inexact or (INEXACT if len(fit.trials) >= FEWEST_HELD_OUT else 0.0)
     known = replace(account, inexact=inexact)
     present = len(known.precision)
-    columns = (np.hstack([known.columns(j), settled_columns(fit, j, wanted)]) for j in range(len(fit.trials)))
+    columns = (np.hstack([known.columns(j), changed]) for j, changed in enumerate(settled))
     grams = gram(fit, columns, np.append(known.precision, np.zeros(len(wanted))))
     before = predictive_deviance(grams, range(present))
     total = grams.total()

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.arms import weakest_apart
 from analysis.mismatch.fit.law_fit import at_bound
+from analysis.mismatch.fit.settled import settled_columns
 from analysis.mismatch.levels import (
     CLOSE,
     ENOUGH_OWN,
@@ -69,7 +70,7 @@ def search(account: Account) -> Named:
         if not step:
             break
         best = step[0]
-        rivals[best.name] = step
+        rivals = {name: instead(before, step) for name, before in rivals.items()} | {best.name: step}
         account, adds = pruned(begun_again(best.account.settled(), best.name, start), best)
     found = {name: rivals[name] for name in account.names}
     return Named(told_apart(account, found), found, adds)
@@ -99,7 +100,7 @@ def begun_again(account: Account, name: str, nothing: Account) -> Account:
     if name in account.steps:
         options = own_options(stripped, name)
     elif len(forms) > 1:
-        options = law_options(stripped, nothing, forms)
+        options = law_options(stripped, nothing, forms, settled_columns(stripped.fit, forms))
     else:
         return account
     return _better(account, options)
@@ -127,11 +128,13 @@ def considered(account: Account, nothing: Account) -> tuple[Rival, ...]:
     few = len(account.fit.trials) < FEWEST_HELD_OUT
     least = CLOSE * left_over(explained, account.most_inexact)
     wanted = templates(account.fit.trials, account.names)
-    listed = [law_options(account, nothing, wanted)]
     # what was taken for slow noise is found where none is granted; most of all what comes in each trial anew
     quick = account.quick()
+    settled = settled_columns(quick.fit, wanted)
+    listed = [law_options(account, nothing, wanted, settled)]
     if quick is not account:
-        listed.append(law_options(quick, nothing, wanted))
+        listed.append(law_options(quick, nothing, wanted, settled))
+    del settled
     listed.append(own_options(quick))
     worth = [worth_trying(some, least, few) for some in listed]
     options: dict[str, list[Option]] = {}
@@ -171,6 +174,15 @@ def considered(account: Account, nothing: Account) -> tuple[Rival, ...]:
         if gain >= max(option.enough, error, SURE * left) and its_own >= KEPT * gain:
             found.append(Rival(option.name, gain, error, refitted.let_go(), left))
     return best_first(found)
+
+
+def instead(step: tuple[Rival, ...], after: tuple[Rival, ...]) -> tuple[Rival, ...]:
+    """Return the rivals of a step that explain what its best explains, by what was considered ``after`` it was added.
+
+    What explains as much beside the best as without it was in its place by chance: it stands for another effect.
+    """
+    beside = {r.name: r.gain for r in after}
+    return tuple(r for r in step if r is step[0] or beside.get(r.name, 0.0) < KEPT * r.gain)
 
 
 def best_first(found: Sequence[Rival]) -> tuple[Rival, ...]:

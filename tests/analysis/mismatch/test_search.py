@@ -10,7 +10,7 @@ import numpy as np
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.model.effects import Law, Shared
-from analysis.mismatch.name.search import Rival, best_first
+from analysis.mismatch.name.search import Rival, best_first, instead
 from analysis.simulation.mechanism import library
 
 
@@ -35,3 +35,19 @@ def test_a_law_at_the_end_of_its_range_makes_way_for_one_within_it() -> None:
     assert best_first([far_behind, ended]) == (ended, far_behind)
     better = _rival("poroelastic_drainage", 30.0, [30.0, 32.0, 31.0])
     assert best_first([within, better]) == (better, within)
+
+
+def test_what_explains_as_much_beside_an_effect_is_no_alternative_to_it() -> None:
+    dashpot = _rival("parallel_dashpot", 1.0, [900.0, 900.0, 800.0])
+    arm, drainage = (
+        _rival(n, 1.0, [600.0, 600.0, 600.0]) for n in ("third_relaxation", "poroelastic_drainage")
+    )
+    # beside the dashpot the arm says as much as before, drainage hardly anything any more
+    arm_beside, drainage_beside = (
+        _rival(n, 1.0, of)
+        for n, of in (("third_relaxation", [590.0] * 3), ("poroelastic_drainage", [20.0] * 3))
+    )
+    step = (dashpot, arm, drainage)
+    assert instead(step, (arm_beside, drainage_beside)) == (dashpot, drainage)
+    # what was not considered again says nothing of it
+    assert instead(step, ()) == step

@@ -31,9 +31,10 @@ class CellTrial:
     ``servo_signature_mm`` (n, 2) the change of the servo's position by ln(natural frequency) and ln(damping);
     ``phase`` indexes PHASE_NAMES (-1: none).
     ``condition`` is what was stated of the trial, and which of the motions that were run so is its own.
-    ``pressed_before`` holds the indentations before this one: depth (mm) and how long before the first sample it
-    ended (s). ``study_depth_mm`` is the largest depth of all trials that are compared (in the air: the travel).
-    ``lever`` tells whether the tip is that of a lever arm. ``finger`` is whose and which finger, as far as was stated.
+    ``pressed_before`` is the indentation before this one, where it is known: its depth (mm), and how long before the
+    first sample it ended (s). ``study_depth_mm`` is the largest depth of all trials that are compared (in the air: the
+    travel). ``lever`` tells whether the tip is that of a lever arm. ``finger`` is whose and which finger, as far as was
+    stated.
     """
 
     label: str
@@ -59,7 +60,7 @@ class CellTrial:
     offset_start_mn: float
     depth_mm: float
     has_command: bool
-    pressed_before: tuple[tuple[float, float], ...] = ()
+    pressed_before: tuple[float, float] | None = None
     target_stiffness_mn_per_mm: float | None = None
     study_depth_mm: float = 1.0
     lever: bool = True

@@ -126,7 +126,7 @@ def reduce_trial(
     motion: Motion,
     *,
     order: int = 0,
-    pressed_before: tuple[tuple[float, float], ...] = (),
+    pressed_before: tuple[float, float] | None = None,
     hold_only: bool = False,
 ) -> CellTrial:
     """Reduce a trial to cells; ``hold_only`` marks nothing but the hold as to be fitted (step baseline)."""

@@ -100,4 +100,4 @@ def planned_cells(plan: PlannedTrial, sample_rate_hz: float, order: int = 0) -> 
         servo_signature_mm=np.zeros((n, 2)),
         kinks=np.array(sorted(set(kinks)), dtype=np.int64),
     )
-    return reduce_trial(trial, motion, order=order, pressed_before=((plan.previous_depth_mm, plan.rest_s),))
+    return reduce_trial(trial, motion, order=order, pressed_before=(plan.previous_depth_mm, plan.rest_s))

@@ -106,11 +106,11 @@ def _reduce(
     with_command = [h for h in heads if h.command_v is not None]
     servo, held = fit_servo([load(h) for h in with_command[:SERVO_TRIALS]])
     cells: list[CellTrial] = []
-    before: tuple[tuple[float, float], ...] = ()
+    before_mm: float | None = None
     for order, head in enumerate(heads):
         rest_s = head.specimen.rest_s
         # where the rest is not known, nobody knows how much is left
-        felt = tuple((d, ago_s + rest_s) for d, ago_s in before) if rest_s is not None else ()
+        felt = (before_mm, rest_s) if before_mm is not None and rest_s is not None else None
         try:
             trial = load(head)
             motion = estimate_motion(trial, *servo, held)
@@ -121,8 +121,7 @@ def _reduce(
             )
             continue
         if head.kind == "ramp_hold_retract":
-            lasted_s = float(cells[-1].time_s[-1])
-            before = ((cells[-1].depth_mm, 0.0), *((d, ago_s + lasted_s) for d, ago_s in felt))
+            before_mm = cells[-1].depth_mm
     if not cells:
         raise BadInputError(_nothing(left_out))
     setting = _setting(heads)

@@ -1,6 +1,7 @@
-"""Skin that has not recovered lies lower, and nothing presses it there."""
+"""What the tissue has not forgotten of the indentation before."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,54 +10,41 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from analysis.mismatch.study.intake import take_in_memory
-from analysis.simulation.mechanism import Tissue
-from analysis.simulation.mechanisms.incomplete_recovery import sinking
+from analysis.simulation.cells import CellTrial
+from analysis.simulation.forward import PerTrial, simulate_force
+from analysis.simulation.mechanism import Tissue, library
 
 sys.path.append(str(Path(__file__).parents[2]))
 from bench_trials import bench_trials
 
 from sim_hardware.concealment.offline import study_plans
 
-
-@given(
-    k0=st.floats(10.0, 1e3),
-    k1=st.floats(1.0, 1e3),
-    k2=st.floats(1.0, 1e3),
-    tau1=st.floats(0.5, 10.0),
-    tau2=st.floats(0.02, 0.4),
-    T=st.floats(0.7, 500.0),
-)
-@settings(max_examples=50, deadline=None)
-def test_spring_and_quick_arms_bear_the_load_of_the_slow_one(
-    k0: float, k1: float, k2: float, tau1: float, tau2: float, T: float
-) -> None:
-    tissue = Tissue(k0, k1, tau1, k2, tau2)
-    time_s = np.linspace(0.0, 3.0, 6001)
-    d = sinking(tissue, time_s, T)
-    force = k0 * d
-    for k, tau in ((k1, tau1), (k2, tau2)):
-        # a Maxwell arm that begins unloaded: exact for a depth that is straight within each step
-        keep, load = np.exp(-(time_s[1] - time_s[0]) / tau), k * d[0]
-        loads = [load]
-        for move in np.diff(d):
-            load = keep * load + k * tau / (time_s[1] - time_s[0]) * (1.0 - keep) * move
-            loads.append(load)
-        force += np.array(loads)
-    np.testing.assert_allclose(force, np.exp(-time_s / T), rtol=2e-4)
+TISSUE = Tissue(120.0, 44.5, 2.279, 35.3, 0.149)
 
 
-def test_what_was_pressed_before_adds_up_over_the_rests_between() -> None:
+@pytest.fixture(scope="module")
+def trials() -> tuple[CellTrial, ...]:
     plans = study_plans(depths_mm=(0.3, 0.5), repeats=2)
-    recorded = bench_trials("seed = 3\n[specimens]\npublished_tissue = true\n", plans)
-    trials = take_in_memory(recorded).trials
-    assert trials[0].pressed_before == ()
-    for n, (trial, head) in enumerate(zip(trials[1:], recorded[1:], strict=True), start=1):
-        depths = [d for d, _ in trial.pressed_before]
-        assert depths == pytest.approx([t.depth_mm for t in reversed(trials[:n])])
-        ago_s = [ago for _, ago in trial.pressed_before]
-        rest_s = head.specimen.rest_s
-        assert rest_s is not None and ago_s[0] == pytest.approx(rest_s)
-        before = trials[n - 1]
-        # the others ended a rest and a trial earlier than they had for the trial before
-        earlier = [ago + float(before.time_s[-1]) + rest_s for _, ago in before.pressed_before]
-        assert ago_s[1:] == pytest.approx(earlier)
+    return take_in_memory(bench_trials("seed = 3\n[specimens]\npublished_tissue = true\n", plans)).trials
+
+
+def test_a_trial_knows_how_deep_the_one_before_went_and_how_long_ago(trials: tuple[CellTrial, ...]) -> None:
+    assert trials[0].pressed_before is None
+    for before, trial in zip(trials[:-1], trials[1:], strict=True):
+        assert trial.pressed_before is not None
+        depth_mm, rest_s = trial.pressed_before
+        assert depth_mm == pytest.approx(before.depth_mm)
+        assert rest_s > 0.0
+
+
+@given(fraction=st.floats(0.01, 0.2), T=st.floats(1.0, 300.0), rest_s=st.floats(1.0, 200.0))
+@settings(max_examples=40, deadline=None)
+def test_force_lacks_what_is_left_of_the_load_and_no_more_than_there_is(
+    trials: tuple[CellTrial, ...], fraction: float, T: float, rest_s: float
+) -> None:
+    trial = replace(trials[1], pressed_before=(0.4, rest_s))
+    own, law = PerTrial(trial.z0_start_mm, 0.0), library()["incomplete_recovery"]
+    plain = simulate_force(trial, TISSUE, own)
+    lacking = simulate_force(trial, TISSUE, own, [(law, {"fraction": fraction, "time_constant_s": T})])
+    load_mn = fraction * TISSUE.k0 * 0.4 * np.exp(-(rest_s + trial.time_s) / T)
+    np.testing.assert_allclose(lacking, np.maximum(plain - load_mn, 0.0), atol=1e-9)

@@ -32,7 +32,7 @@ def trial() -> CellTrial:
     plans = study_plans(depths_mm=(0.4,), repeats=2)
     recorded = bench_trials("seed = 3\n[specimens]\npublished_tissue = true\n", plans)[1]
     return reduce_trial(
-        recorded, estimate_motion(recorded), order=1, pressed_before=((0.4, recorded.specimen.rest_s or 0.0),)
+        recorded, estimate_motion(recorded), order=1, pressed_before=(0.4, recorded.specimen.rest_s or 0.0)
     )
 
 

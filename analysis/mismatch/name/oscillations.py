@@ -209,22 +209,22 @@ def tuned(fit: StudyFit, j: int, near_hz: float, size_mm: float) -> float:
 
 
 def with_oscillation(fit: StudyFit, scan: OscillationScan, name: str) -> StudyFit:
-    """Return the fit with every trial's surface free to oscillate at its frequency."""
+    """Return the fit with every trial's surface free to oscillate at its frequency, while it is touched."""
     states = []
     for j, (trial, state) in enumerate(zip(fit.trials, fit.states, strict=True)):
-        if trial.kind == "ramp_hold_retract":
-            f = tuned(fit, j, float(scan.own_hz[j]), scan.size_mm)
-            shapes = [
-                OwnShape(name, "surface", w, scan.size_mm**2, f) for w in waves(trial, f, cycles=scan.cycles)
-            ]
-            for number, share in OVERTONES.items():
-                variance = (share * scan.size_mm) ** 2
-                shapes += [
-                    OwnShape(name, "surface", w, variance, number * f, HARMONIC)
-                    for w in waves(trial, f, number)
-                    if 2.0 * number * f < HIGHEST_HZ
-                ]
-            states.append(state.with_shapes(shapes))
-        else:
+        if trial.kind != "ramp_hold_retract":
             states.append(state)
+            continue
+        f = tuned(fit, j, float(scan.own_hz[j]), scan.size_mm)
+        touching = touches(trial, state, fit.shared)
+        overtones = {n: share for n, share in OVERTONES.items() if 2.0 * n * f < HIGHEST_HZ}
+        shapes = []
+        for number, share in {1: 1.0, **overtones}.items():
+            kind, cycles = ("", scan.cycles) if number == 1 else (HARMONIC, COHERENT_CYCLES)
+            shapes += [
+                OwnShape(name, "surface", w, (share * scan.size_mm) ** 2, number * f, kind)
+                for w in waves(trial, f, number, cycles)
+                if np.any(w[touching])
+            ]
+        states.append(state.with_shapes(shapes))
     return replace(fit, states=tuple(states))

@@ -31,7 +31,7 @@ SIZES = np.geomspace(3.0, 3e3, 9)
 UNKNOWN_SIZE = 1.5
 HARMONIC = "harmonic"
 OVERTONES = {2: 0.3, 3: 0.15, 4: 0.1}
-"""A body's rhythm is no sine: it has overtones of some such shares of its size. So small, they are steady enough."""
+"""A body's rhythm is no sine: it has overtones of some such shares of its size, no steadier than itself."""
 TUNED, TUNED_SHARE = 15, 0.15
 """Frequencies tried about a scanned one, no further away than this share of it."""
 CYCLES = 1.25
@@ -220,10 +220,10 @@ def with_oscillation(fit: StudyFit, scan: OscillationScan, name: str) -> StudyFi
         overtones = {n: share for n, share in OVERTONES.items() if 2.0 * n * f < HIGHEST_HZ}
         shapes = []
         for number, share in {1: 1.0, **overtones}.items():
-            kind, cycles = ("", scan.cycles) if number == 1 else (HARMONIC, COHERENT_CYCLES)
+            kind = "" if number == 1 else HARMONIC
             shapes += [
                 OwnShape(name, "surface", w, (share * scan.size_mm) ** 2, number * f, kind)
-                for w in waves(trial, f, number, cycles)
+                for w in waves(trial, f, number, scan.cycles)
                 if np.any(w[touching])
             ]
         states.append(state.with_shapes(shapes))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.mismatch.fit.study_fit import StudyFit
-from analysis.mismatch.model.effects import OwnShape, OwnShapes, simulate
+from analysis.mismatch.model.effects import OwnShape, OwnShapes, own_effects, simulate
 from analysis.recordings.trial import PHASE_NAMES
 from analysis.simulation.cells import CellTrial
 
@@ -51,11 +51,12 @@ def with_inexactness(fit: StudyFit, share: float) -> StudyFit:
 def law_effects(fit: StudyFit, j: int) -> list[FloatArray]:
     """Return what each law changes in the j-th trial's force, (n,) mN each."""
     trial, state, shared = fit.trials[j], fit.states[j], fit.shared
-    whole = simulate(trial, state, shared)
+    own = own_effects(state)
+    whole = simulate(trial, state, shared, own)
     found = []
     for at in range(len(shared.laws)):
         others = shared.laws[:at] + shared.laws[at + 1 :]
-        found.append(whole - simulate(trial, state, replace(shared, laws=others)))
+        found.append(whole - simulate(trial, state, replace(shared, laws=others), own))
     return found
 
 

@@ -12,7 +12,15 @@ from scipy.optimize import lsq_linear
 from analysis.mismatch.fit.gram import gram
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import STRETCHED
-from analysis.mismatch.model.effects import TISSUE_SIZE, Law, Shared, TrialState, delayed, simulate
+from analysis.mismatch.model.effects import (
+    TISSUE_SIZE,
+    Law,
+    Shared,
+    TrialState,
+    delayed,
+    own_effects,
+    simulate,
+)
 from analysis.mismatch.model.population import OF_SITE
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.mechanism import Parameter
@@ -49,7 +57,8 @@ def parameter_scale(p: Parameter, value: float, typical: float) -> float:
 
 def law_columns(trial: CellTrial, state: TrialState, shared: Shared) -> FloatArray:
     """Return the change of force (n, P) by every free parameter of the laws on its fit's scale, and by delay, mN."""
-    base = simulate(trial, state, shared)
+    own = own_effects(state)
+    base = simulate(trial, state, shared, own)
     columns = []
     for at, law in enumerate(shared.laws):
         for p in law.parameters:
@@ -63,7 +72,7 @@ def law_columns(trial: CellTrial, state: TrialState, shared: Shared) -> FloatArr
             if abs(real) < 0.5 * h:
                 changed = with_value(shared, at, p, p.to_fit(law.values[p.name]) - h)
                 real = p.to_fit(changed.laws[at].values[p.name]) - p.to_fit(law.values[p.name])
-            columns.append((simulate(trial, state, changed) - base) / (real or h))
+            columns.append((simulate(trial, state, changed, own) - base) / (real or h))
     # what the channels' delay changes stands last
     columns.append(delayed(trial, base))
     return np.column_stack(columns)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.mismatch.model.effects import Law, Shared, TrialState, simulate
+from analysis.mismatch.model.effects import Law, Shared, TrialState, own_effects, simulate
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.mechanism import Mechanism, Values, library
 
@@ -58,10 +58,11 @@ def template_columns(
     trial: CellTrial, state: TrialState, shared: Shared, wanted: Sequence[Template]
 ) -> FloatArray:
     """Return the change of force (n, K) that each template makes to a fitted simulation, mN."""
-    base = simulate(trial, state, shared)
+    own = own_effects(state)
+    base = simulate(trial, state, shared, own)
     columns = np.zeros((len(base), len(wanted)))
     for k, t in enumerate(wanted):
         if t.mechanism.applies(trial):
             law = Law(t.mechanism, t.values, t.free)
-            columns[:, k] = simulate(trial, state, replace(shared, laws=(*shared.laws, law))) - base
+            columns[:, k] = simulate(trial, state, replace(shared, laws=(*shared.laws, law)), own) - base
     return columns

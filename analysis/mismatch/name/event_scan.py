@@ -11,7 +11,7 @@ from scipy.special import log_ndtr, logsumexp
 
 from analysis.mismatch.evidence.marginal import log_ratio
 from analysis.mismatch.fit.study_fit import StudyFit
-from analysis.mismatch.model.effects import OwnShape, simulate
+from analysis.mismatch.model.effects import OwnShape, own_effects, simulate
 from analysis.mismatch.name.events import (
     CREEP,
     EVENTS,
@@ -138,14 +138,14 @@ def _scores(
 ) -> tuple[FloatArray, FloatArray]:
     """Return squared norm and score (G,) of a unit step at each time."""
     trial, state = fit.trials[j], fit.states[j]
-    base = simulate(trial, state, fit.shared)
+    own = own_effects(state)
+    base = simulate(trial, state, fit.shared, own)
     columns = np.empty((len(base), len(times)))
     acts, rise_s = event.forms[form]
-    unit = one_unit(event, acts, trial, state, base - state.offset_mn)
+    unit = event.unit * one_unit(event, acts, trial, state, base - state.offset_mn)
     for k, time_s in enumerate(times):
         does = event_shape(event, trial, float(time_s), rise_s) * unit
-        shape = OwnShape(event.name, acts, does, 1.0)
-        columns[:, k] = simulate(trial, state.with_shapes([shape], event.unit), fit.shared) - base
+        columns[:, k] = simulate(trial, state, fit.shared, {**own, acts: own.get(acts, 0.0) + does}) - base
     projector = fit.projectors[j]
     white = projector(columns)
     return np.einsum("nk,nk->k", white, white), projector.residual @ white

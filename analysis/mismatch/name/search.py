@@ -108,10 +108,10 @@ def begun_again(account: Account, name: str, nothing: Account) -> Account:
 
 def _better(account: Account, options: Sequence[Option]) -> Account:
     """Return the account, or that of an option that predicts better by laws that are exact."""
-    best = max((o.refit().weighed_anew() for o in options), key=lambda a: a.nats, default=account)
-    return (
-        max(account, best.granting(), key=lambda a: a.nats) if best.nats > account.of_exact_laws else account
-    )
+    best = max((o.refit().weighed_anew() for o in options), key=lambda a: a.nats, default=None)
+    if best is None or best.nats <= account.of_exact_laws:
+        return account
+    return max(account, best.granting(), key=lambda a: a.nats)
 
 
 def considered(account: Account, nothing: Account) -> tuple[Rival, ...]:

@@ -37,6 +37,11 @@ class Line:
     p_value: float
 
     @property
+    def rms_mn(self) -> float:
+        """Rms force, mN."""
+        return self.amplitude_mn / float(np.sqrt(2.0))
+
+    @property
     def name(self) -> str:
         """The mechanism's name where it is the mains or a harmonic; empty otherwise."""
         m = library()["mains_hum"]
@@ -53,7 +58,8 @@ def find_lines(fit: StudyFit) -> list[Line]:
     """Return the lines in the trials' full-rate residuals at rest.
 
     H0: at every frequency the periodogram of each trial is exponential about its neighbours' median, so that the mean
-    over trials is a gamma variable; p-values are multiplied by the frequencies looked at.
+    over trials, less the largest, is no more than a gamma variable; p-values are multiplied by the frequencies looked
+    at.
     """
     if not sampled_alike(fit.trials):
         return []
@@ -72,8 +78,10 @@ def find_lines(fit: StudyFit) -> list[Line]:
     local = np.array([median_filter(s, BACKGROUND, mode="nearest") for s in spectra]) / np.log(2.0)
     # no tone is finer than the numbers that hold it: what an interpolation leaves is smoother than they are
     local += rounding**2
-    ratio = (spectra / np.maximum(local, 1e-300)).mean(axis=0)
-    m = len(stretches)
+    ratios = np.sort(spectra / np.maximum(local, 1e-300), axis=0)
+    # a tone is in every trial: it must stand without the one that shows most of it
+    m = len(stretches) - (len(stretches) >= FEWEST_HELD_OUT)
+    ratio = ratios[:m].mean(axis=0)
     looked = (frequency >= LOWEST_HZ) & (frequency < 0.47 * rate)
     p = np.where(looked, gamma.sf(ratio * m, m), 1.0) * int(looked.sum())
     found: list[Line] = []
@@ -89,7 +97,11 @@ def find_lines(fit: StudyFit) -> list[Line]:
         )
         # a Hann window leaves all of a line's power A^2 N / 4 in its neighbourhood
         size = np.sqrt(4.0 * excess / n)
-        error = float(np.std(size) / np.sqrt(m)) if m > 1 else float(np.sqrt(4.0 * local[:, k].mean() / n))
+        error = (
+            float(np.std(size) / np.sqrt(len(size)))
+            if len(size) > 1
+            else float(np.sqrt(4.0 * local[:, k].mean() / n))
+        )
         found.append(Line(centre, float(np.sqrt(np.mean(size**2))), error, float(min(p[k], 1.0))))
     return found
 

@@ -120,7 +120,7 @@ def _verdict(
     nameless = diagnosis.nameless
     if not is_small(nameless.share, nameless.rms_mn, tolerance_mn):
         return "unknown"
-    if any(not line.name for line in diagnosis.lines):
+    if any(not line.name and line.rms_mn >= tolerance_mn for line in diagnosis.lines):
         return "unknown"
     if lever_unknown or len(kept_findings(diagnosis)) < len(diagnosis.findings):
         return "unknown"

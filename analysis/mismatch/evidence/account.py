@@ -23,6 +23,7 @@ from analysis.mismatch.fit.baseline import begun_anew, noise_left
 from analysis.mismatch.fit.gram import Grams, gram
 from analysis.mismatch.fit.law_fit import fit_laws, known_beforehand, law_columns
 from analysis.mismatch.fit.noise import NoiseModel
+from analysis.mismatch.fit.steadied import steadied
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import ENOUGH_SHARED, FEWEST_HELD_OUT, INEXACT, ROUGH
 from analysis.mismatch.model.effects import Law, OwnShape, OwnShapes, TrialState
@@ -119,6 +120,8 @@ class Account:
         states = tuple(_without(s, name) for s in self.fit.states)
         laws = tuple(law for law in self.fit.shared.laws if law.name != name)
         fit = replace(self.fit, states=states, shared=replace(self.fit.shared, laws=laws))
+        if any(r.effect == name for s in self.fit.states for r in s.rhythms):
+            fit = fit.weighed_by(fit.noise)
         return replace(self, fit=fit, steps={n: p for n, p in self.steps.items() if n != name})
 
     def quick(self) -> Account:
@@ -145,7 +148,17 @@ class Account:
         exact = self.exact
         anew = begun_anew(exact.fit.weighed_by(exact.fit.noise.quicker_than(SLOW_S)))
         there = replace(exact, fit=anew).with_laws(anew.shared.laws).weighed_anew()
-        return max(here, there, key=lambda a: a.nats).granting()
+        return max(here, there, key=lambda a: a.nats).steadied().granting()
+
+    def steadied(self) -> Account:
+        """Return the account with its rhythms as large and steady as is likeliest beside all else."""
+        best = self
+        for name in dict.fromkeys(r.effect for s in self.fit.states for r in s.rhythms):
+            fit = steadied(best.fit, name)
+            if fit is not best.fit:
+                there = replace(best, fit=fit).with_laws(fit.shared.laws).weighed_anew()
+                best = max(best, there, key=lambda a: a.nats)
+        return best
 
     def reweighed(self) -> Account:
         """Return the account with the noise measured anew from what it leaves, its laws exact or not as is likelier."""
@@ -223,7 +236,8 @@ def with_own_sizes(fit: StudyFit) -> StudyFit:
 
 
 def _without(state: TrialState, effect: str) -> TrialState:
-    """Return a state without the shapes of one effect."""
+    """Return a state without the shapes and rhythms of one effect."""
+    state = replace(state, rhythms=tuple(r for r in state.rhythms if r.effect != effect))
     return _kept(state, [k for k, shape in enumerate(state.shapes) if shape.effect != effect])
 
 

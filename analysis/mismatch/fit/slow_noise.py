@@ -46,7 +46,7 @@ def restricted_deviance(fit: StudyFit, noise: NoiseModel) -> float:
     """
     A, b, deviance = np.zeros((TISSUE_SIZE, TISSUE_SIZE)), np.zeros(TISSUE_SIZE), 0.0
     for trial, force, state in zip(fit.trials, fit.force_columns, fit.states, strict=True):
-        whitener = Whitener(trial, noise)
+        whitener = Whitener(trial, noise, state.rhythms)
         own = own_columns(force, whitener, state, fit.population)
         residual = own.residual + own.columns @ from_mean(own)
         X = np.column_stack([own.columns[:, own.tissue], residual])

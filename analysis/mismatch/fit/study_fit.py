@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from analysis.mismatch.fit.noise import NoiseModel
 from analysis.mismatch.fit.own import ForceColumns, OwnColumns, Projector, force_columns, own_columns
+from analysis.mismatch.fit.rhythms import followed
 from analysis.mismatch.fit.trial_fit import ROUNDS, fit_trial, penalty
 from analysis.mismatch.fit.whitener import Whitener
 from analysis.mismatch.model.effects import Shared, TrialState, simulate
@@ -54,13 +55,18 @@ class StudyFit:
         """Chi2 of all trials plus that of their own parameters against the population."""
         whole = sum(penalty(s, self.population) for s in self.states)
         for j, whitener in enumerate(self.whiteners):
-            r = whitener(self.residual_mn(j))
+            r = whitener(self.trials[j].force_mn - simulate(self.trials[j], self.states[j], self.shared))
             whole += float(r @ r)
         return whole
 
     def force_mn(self, j: int) -> FloatArray:
-        """Return the simulated force (n,) of the j-th trial."""
-        return simulate(self.trials[j], self.states[j], self.shared)
+        """Return the simulated force (n,) of the j-th trial, with what its rhythms are most likely to add."""
+        trial, state = self.trials[j], self.states[j]
+        force = simulate(trial, state, self.shared)
+        amplitudes = self.whiteners[j].amplitudes(trial.force_mn - force)
+        for rhythm, of_it in zip(state.rhythms, amplitudes, strict=True):
+            force = force + np.sum(rhythm.force_mn * of_it, axis=1)
+        return force
 
     @cached_property
     def left_mn(self) -> float:
@@ -77,6 +83,18 @@ class StudyFit:
         t = self.trials[j]
         return np.asarray(t.full_force_mn - np.interp(t.full_time_s, t.time_s, self.force_mn(j)))
 
+    def noise_of(self, j: int) -> FloatArray:
+        """Return every sample (N,) of the j-th trial's residual with a draw of what is left open of its rhythms.
+
+        What is taken for a rhythm is in part noise.
+        """
+        trial, residual, rhythms = self.trials[j], self.full_residual_mn(j), self.states[j].rhythms
+        drawn = self.whiteners[j].left_open(np.random.default_rng(j)) if rhythms else []
+        for rhythm, of_it in zip(rhythms, drawn, strict=True):
+            open_mn = np.sum(rhythm.force_mn * of_it, axis=1)
+            residual = residual + np.interp(trial.full_time_s, trial.time_s, open_mn)
+        return residual
+
     def with_states(self, rounds: int = ROUNDS, near: StudyFit | None = None) -> StudyFit:
         """Return the fit with every trial's own parameters at their best; ``near`` is a fit close to this one."""
         fitted = [
@@ -92,19 +110,31 @@ class StudyFit:
     def with_population(self, passes: int = 2) -> StudyFit:
         """Return the fit with population and own parameters estimated in turn; a single trial is no population."""
         if sum(s.has_tissue for s in self.states) < 2:
-            return self.with_states()
+            return self.following().with_states()
         fit = near = self
         for _ in range(passes):
-            fit = fit.with_states()
+            fit = fit.following().with_states()
             likelihoods = [
                 tissue_likelihood(own, s) for own, s in zip(fit.own, fit.states, strict=True) if s.has_tissue
             ]
             near, fit = fit, replace(fit, population=estimate(likelihoods, fit.population))
         return fit.with_states(near=near)
 
+    def following(self) -> StudyFit:
+        """Return the fit with its rhythms where they are most probable, and their forces in a line about that."""
+        if not any(s.rhythms for s in self.states):
+            return self
+        states, whiteners = [], []
+        for trial, there, weighed in zip(self.trials, self.states, self.whiteners, strict=True):
+            state, whitener = followed(trial, there, self.shared, weighed)
+            states.append(state)
+            whiteners.append(whitener)
+        return replace(self, states=tuple(states), whiteners=tuple(whiteners))
+
     def weighed_by(self, noise: NoiseModel) -> StudyFit:
         """Return the fit with cells weighed by another noise."""
-        fit = replace(self, noise=noise, whiteners=tuple(Whitener(t, noise) for t in self.trials))
+        whiteners = (Whitener(t, noise, s.rhythms) for t, s in zip(self.trials, self.states, strict=True))
+        fit = replace(self, noise=noise, whiteners=tuple(whiteners))
         if "force_columns" in self.__dict__:  # those of the force are the same under any noise
             fit.__dict__["force_columns"] = self.force_columns
         return fit

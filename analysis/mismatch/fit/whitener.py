@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import cached_property
+
 import numpy as np
 from celerite2 import driver
 from numba import njit
 from numpy.typing import NDArray
 
 from analysis.mismatch.fit.noise import NoiseModel
+from analysis.mismatch.model.rhythm import Rhythm
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.response import Steps
 
@@ -43,20 +47,23 @@ class Whitener:
     The covariance of the cells is diagonal plus a sum of exponentials; its Cholesky factor is found and applied in
     linear time (Foreman-Mackey et al., Astron. J. 154:220, 2017). `celerite2` finds it. It is applied here, in less
     than half of `celerite2`'s time: the exponentials between cells are the same for all columns ever whitened.
+    A rhythm's covariance is a sum of such terms too, f_k(t) f_k(t') exp(-|t - t'|/T) of its force columns f_k.
     """
 
-    def __init__(self, trial: CellTrial, noise: NoiseModel) -> None:
+    def __init__(self, trial: CellTrial, noise: NoiseModel, rhythms: Sequence[Rhythm] = ()) -> None:
         use = trial.fitted
         self._use = slice(None) if use.all() else use
+        self._trial, self._noise, self._rhythms = trial, noise, tuple(rhythms)
+        self._time_s = np.ascontiguousarray(trial.time_s)
         counts = trial.counts[use]
-        if not noise.parts:
+        if not noise.parts and not rhythms:
             self._scale = np.sqrt(counts) / noise.white_mn
             self._factor = None
             self.log_determinant = -2.0 * float(np.log(self._scale).sum())
             return
         # the mean of a cell of width w, u = w/tau: its variance is 2 v (u - 1 + e^-u) / u^2, and two cells' covariance
         # that between their centres times sinh(u/2) / (u/2) of each
-        variance, tau_s = (np.array(values) for values in zip(*noise.parts, strict=True))
+        variance, tau_s = np.array(noise.parts).reshape(-1, 2).T
         # cells come in few lengths, and so do the times between them
         widths_s, of_cell = trial.fitted_widths_s
         u = widths_s[:, None] / tau_s
@@ -65,13 +72,20 @@ class Whitener:
         diagonal = noise.white_mn**2 / counts + of_parts.sum(axis=1)[of_cell]
         # cells much longer than a part's time don't know of each other
         blur = np.where(u < LONG, np.sinh(0.5 * np.minimum(u, LONG)) / (0.5 * u), 0.0)[of_cell]
+        U, V = variance * blur, blur
+        for rhythm in self._rhythms:
+            f = rhythm.force_mn[self._use]
+            diagonal = diagonal + np.sum(f**2, axis=1)
+            for share, rate_hz in rhythm.kernel:
+                U, V = np.hstack([U, share * f]), np.hstack([V, f])
+                tau_s = np.append(tau_s, np.full(f.shape[1], 1.0 / rate_hz))
         steps = trial.steps if use.all() else Steps.between(trial.time_s[use])
         t = np.ascontiguousarray(trial.time_s[use])
-        U = variance * blur
-        d, W = driver.factor(t, 1.0 / tau_s, diagonal, U, blur, np.empty_like(diagonal), np.empty_like(blur))
+        d, W = driver.factor(t, 1.0 / tau_s, diagonal, U, V, np.empty_like(diagonal), np.empty_like(V))
         if np.any(d <= 0):
             raise FloatingPointError("noise covariance is not positive")
         self._factor = (np.exp(-steps.lengths_s[:, None] / tau_s)[steps.index], U, W)
+        self._rates_hz = 1.0 / tau_s
         self._scale = 1.0 / np.sqrt(d)
         self.log_determinant = float(np.log(d).sum())
         """ln of the determinant of the cells' noise covariance."""
@@ -84,3 +98,76 @@ class Whitener:
             _solve_lower(*self._factor, y)
         y *= self._scale[:, None]
         return y[:, 0] if flat else y
+
+    def with_rhythms(self, rhythms: Sequence[Rhythm]) -> Whitener:
+        """Return what weighs by the same noise beside other rhythms."""
+        return Whitener(self._trial, self._noise, rhythms) if rhythms else self._alone
+
+    @cached_property
+    def _alone(self) -> Whitener:
+        return Whitener(self._trial, self._noise)
+
+    def amplitudes(self, residual_mn: FloatArray) -> list[FloatArray]:
+        """Return each rhythm's likeliest amplitudes (n, K) in all that a simulation leaves (n,)."""
+        if not self._rhythms or self._factor is None:
+            return []
+        z = (self(residual_mn) * self._scale)[:, None]
+        t = self._time_s[self._use]
+        driver.solve_upper(t, self._rates_hz, self._factor[1], self._factor[2], z, z)
+        pull = np.zeros((len(residual_mn), 1))
+        pull[self._use] = z
+        found = []
+        for rhythm in self._rhythms:
+            y = rhythm.force_mn * pull
+            shares, rates_hz = np.array(rhythm.kernel).T
+            U = np.tile(shares, (len(y), 1))
+            lower, upper = np.zeros_like(y), np.zeros_like(y)
+            driver.matmul_lower(self._time_s, rates_hz, U, np.ones_like(U), y, lower)
+            driver.matmul_upper(self._time_s, rates_hz, U, np.ones_like(U), y, upper)
+            found.append(y + lower + upper)
+        return found
+
+    def left_open(self, random: np.random.Generator) -> list[FloatArray]:
+        """Return a draw (n, K) of how far each rhythm's amplitudes may be from the likeliest ones.
+
+        What drawn rhythms differ by from what is found of them in their sum with drawn noise is distributed as what the
+        true ones differ by (Matheron's rule; Hoffman and Ribak, Astrophys. J. 380:L5, 1991).
+        """
+        amplitudes = [_drawn_amplitudes(self._time_s, r, random) for r in self._rhythms]
+        force_mn = np.zeros(len(self._time_s))
+        force_mn[self._use] = self._alone.drawn(random)
+        for rhythm, of_it in zip(self._rhythms, amplitudes, strict=True):
+            force_mn += np.sum(rhythm.force_mn * of_it, axis=1)
+        return [a - found for a, found in zip(amplitudes, self.amplitudes(force_mn), strict=True)]
+
+    def drawn(self, random: np.random.Generator) -> FloatArray:
+        """Return noise of this covariance (n,) over the fitted cells, mN."""
+        y = random.standard_normal((len(self._scale), 1)) / self._scale[:, None]
+        if self._factor is not None:
+            _, U, W = self._factor
+            driver.matmul_lower(self._time_s[self._use], self._rates_hz, U, W, y.copy(), y)
+        return y[:, 0]
+
+
+def surprise(time_s: FloatArray, rhythm: Rhythm) -> float:
+    """Return the chi2 of a rhythm's amplitudes as they were found against what they are beforehand."""
+    rates_hz, U, d, W = _factor(time_s, rhythm)
+    z = np.array(rhythm.amplitudes, order="C")
+    driver.solve_lower(time_s, rates_hz, U, W, z, z)
+    return float(np.sum(z**2 / d[:, None]))
+
+
+def _drawn_amplitudes(time_s: FloatArray, rhythm: Rhythm, random: np.random.Generator) -> FloatArray:
+    """Return amplitudes (n, K) of a rhythm as they are distributed before a trial is seen."""
+    rates_hz, U, d, W = _factor(time_s, rhythm)
+    y = np.sqrt(d)[:, None] * random.standard_normal(rhythm.force_mn.shape)
+    return np.asarray(driver.matmul_lower(time_s, rates_hz, U, W, y.copy(), y))
+
+
+def _factor(time_s: FloatArray, rhythm: Rhythm) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return rates (J,), U (n, J), d (n,) and W (n, J) of the Cholesky factor of an amplitude's covariance."""
+    shares, rates_hz = np.array(rhythm.kernel).T
+    U, V = np.tile(shares, (len(time_s), 1)), np.ones((len(time_s), len(shares)))
+    diagonal = np.full(len(time_s), shares.sum() + SMALL**2)
+    d, W = driver.factor(time_s, rates_hz, diagonal, U, V, np.empty_like(diagonal), np.empty_like(V))
+    return rates_hz, U, d, W

@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.mismatch.model.rhythm import Rhythm
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.forward import RIGID_STIFFNESS_MN_PER_MM, PerTrial, simulate_force
 from analysis.simulation.mechanism import Mechanism, Parameter, Tissue, Values
@@ -96,13 +97,14 @@ class OwnShapes(tuple[OwnShape, ...]):
 
 @dataclass(frozen=True)
 class TrialState:
-    """What belongs to one trial: logarithms of its five tissue constants, contact point, offset, own shapes."""
+    """What belongs to one trial: logarithms of five tissue constants, contact point, offset, own shapes, rhythms."""
 
     log_tissue: FloatArray
     z0_mm: float
     offset_mn: float
     shapes: OwnShapes = field(default_factory=OwnShapes)
     coefficients: FloatArray = field(default_factory=lambda: np.zeros(0))
+    rhythms: tuple[Rhythm, ...] = ()
 
     @property
     def tissue(self) -> Tissue:
@@ -154,18 +156,28 @@ def delayed(trial: CellTrial, force_mn: FloatArray) -> FloatArray:
 
 def tissue_force(trial: CellTrial, state: TrialState, shared: Shared) -> FloatArray:
     """Return the force (n,) of a trial's tissue alone, without laws, own shapes and offset, mN."""
-    bare = replace(state, offset_mn=0.0, shapes=OwnShapes(), coefficients=np.zeros(0))
+    bare = replace(state, offset_mn=0.0, shapes=OwnShapes(), coefficients=np.zeros(0), rhythms=())
     return simulate(trial, bare, replace(shared, laws=()))
 
 
 def touches(trial: CellTrial, state: TrialState, shared: Shared) -> NDArray[np.bool_]:
     """Return where a trial's simulated force is that of a contact, (n,)."""
-    return simulate(trial, replace(state, offset_mn=0.0), shared) > 0.0
+    unread: dict[Acts, FloatArray] = {
+        acts: moved for acts, moved in own_effects(state).items() if acts != "force"
+    }
+    return simulate(trial, replace(state, offset_mn=0.0), shared, unread) > 0.0
 
 
 def own_effects(state: TrialState) -> dict[Acts, FloatArray]:
-    """Return what a trial's own shapes come to, (n,) for each stage at which some act."""
-    return {acts: state.coefficients[at] @ shapes for acts, (at, shapes) in state.shapes.by_stage.items()}
+    """Return what a trial's own shapes come to, (n,) for each stage at which some act.
+
+    The surface is where its rhythms were found; what they do in a line about that is no part of the simulation.
+    """
+    own = {acts: state.coefficients[at] @ shapes for acts, (at, shapes) in state.shapes.by_stage.items()}
+    for rhythm in state.rhythms:
+        own["surface"] = own.get("surface", 0.0) + rhythm.found_mm
+        own["force"] = own.get("force", 0.0) - rhythm.passed_mn
+    return own
 
 
 def simulate(

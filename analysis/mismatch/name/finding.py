@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.gram import solve
 from analysis.mismatch.fit.law_fit import at_bound, at_ends
+from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import INEXACT, TEMPER, TWO_ERRORS, WORTH_NAMING
-from analysis.mismatch.model.effects import TISSUE_SIZE, Law, touches
+from analysis.mismatch.model.effects import TISSUE_SIZE, Law, simulate, touches
+from analysis.mismatch.model.rhythm import waves
 from analysis.mismatch.name.lines import Line
 from analysis.mismatch.name.search import Named, Rival
 from analysis.simulation.mechanism import Mechanism, library
@@ -176,30 +178,8 @@ def whole_law(law: Law, found: dict[str, Quantity], depth_mm: float) -> dict[str
 
 def own_sizes(account: Account, mechanism: Mechanism) -> dict[str, Quantity]:
     """Return the size of an event or an oscillation: mean over the trials that have it, error from their spread."""
-    sizes: list[float] = []
-    errors: list[float] = []
-    places: list[float] = []
-    for trial, own, state in zip(account.fit.trials, account.fit.own, account.fit.states, strict=True):
-        mine = [k for k, s in enumerate(state.shapes) if s.effect == mechanism.name and not s.kind]
-        if not mine:
-            continue
-        covariance = np.linalg.pinv(own.information, hermitian=True)
-        at = own.tissue.stop
-        c = state.coefficients[mine]
-        V = covariance[np.ix_([at + k for k in mine], [at + k for k in mine])]
-        if mechanism.form == "oscillation":
-            # a sine has half of its amplitude's square; what the fit is unsure of adds to the square of what was found
-            S = np.array([state.shapes[k].shape for k in mine])
-            shown = trial.counts * touches(trial, state, account.fit.shared)
-            M = 2.0 * (S * shown) @ S.T / max(float(shown.sum()), 1.0)
-            unsure = float(np.sum(M * V))
-            power = float(c @ M @ c) - unsure
-            sizes.append(float(np.sign(power) * np.sqrt(abs(power))))
-            errors.append(float(np.sqrt(unsure)))
-        else:
-            sizes.append(float(c[0]))
-            errors.append(float(np.sqrt(V[0, 0])))
-        places.append(state.shapes[mine[0]].at)
+    each = _shape_sizes(account.fit, mechanism) + _rhythm_sizes(account.fit, mechanism)
+    sizes, errors, places = (list(values) for values in zip(*each, strict=True))
     unit = 1e3 if mechanism.stage == "specimen" else 1.0
     values: FloatArray = unit * np.array(sizes)
     n = len(values)
@@ -229,3 +209,51 @@ def own_sizes(account: Account, mechanism: Mechanism) -> dict[str, Quantity]:
             where.unit,
         ),
     }
+
+
+def _shape_sizes(fit: StudyFit, mechanism: Mechanism) -> list[tuple[float, float, float]]:
+    """Return size, its error, and time (s) or frequency (Hz) of an effect's shapes in every trial that has them."""
+    found = []
+    for trial, own, state in zip(fit.trials, fit.own, fit.states, strict=True):
+        mine = [k for k, s in enumerate(state.shapes) if s.effect == mechanism.name and not s.kind]
+        if not mine:
+            continue
+        at = [own.tissue.stop + k for k in mine]
+        c, V = state.coefficients[mine], np.linalg.pinv(own.information, hermitian=True)[np.ix_(at, at)]
+        size, error = float(c[0]), float(np.sqrt(V[0, 0]))
+        if mechanism.form == "oscillation":
+            # a sine has half of its amplitude's square; what the fit is unsure of adds to the square of what was found
+            S = np.array([state.shapes[k].shape for k in mine])
+            shown = trial.counts * touches(trial, state, fit.shared)
+            M = 2.0 * (S * shown) @ S.T / max(float(shown.sum()), 1.0)
+            unsure = float(np.sum(M * V))
+            power = float(c @ M @ c) - unsure
+            size, error = float(np.sign(power) * np.sqrt(abs(power))), float(np.sqrt(unsure))
+        found.append((size, error, state.shapes[mine[0]].at))
+    return found
+
+
+def _rhythm_sizes(fit: StudyFit, mechanism: Mechanism) -> list[tuple[float, float, float]]:
+    """Return amplitude (mm), its error, and frequency (Hz) of a rhythm in every trial: of its sine, without overtones.
+
+    What is left open of it adds to the square of what was found.
+    """
+    found = []
+    for j, (trial, state) in enumerate(zip(fit.trials, fit.states, strict=True)):
+        at = next((k for k, r in enumerate(state.rhythms) if r.effect == mechanism.name), None)
+        if at is None:
+            continue
+        rhythm = state.rhythms[at]
+        left_mn = trial.force_mn - simulate(trial, state, fit.shared)
+        amplitudes = (
+            fit.whiteners[j].amplitudes(left_mn)[at],
+            fit.whiteners[j].left_open(np.random.default_rng(j))[at],
+        )
+        sine_mm = rhythm.size_mm * waves(trial, rhythm.frequency_hz)[:, :2]
+        shown = trial.counts * touches(trial, state, fit.shared)
+        likeliest, unsure = (
+            2.0 * float(shown @ np.sum(A[:, :2] * sine_mm, axis=1) ** 2) / max(float(shown.sum()), 1.0)
+            for A in amplitudes
+        )
+        found.append((float(np.sqrt(likeliest + unsure)), float(np.sqrt(unsure)), rhythm.frequency_hz))
+    return found

@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 
 from analysis.mismatch.evidence.account import Account, with_own_sizes
 from analysis.mismatch.evidence.heldout import predictive_deviance
+from analysis.mismatch.fit.baseline import noise_left
 from analysis.mismatch.fit.gram import gram, solve
 from analysis.mismatch.fit.law_fit import fit_laws
+from analysis.mismatch.fit.steadied import steadied
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import (
     CLOSE,
@@ -188,12 +190,15 @@ def _event_refit(account: Account, scan: EventScan) -> Callable[[], Account]:
 
 def _oscillation_refit(account: Account, scan: OscillationScan, name: str) -> Callable[[], Account]:
     def refit() -> Account:
-        exact = account.exact
+        exact, laws = account.exact, account.fit.shared.laws
         added = replace(
             exact,
             fit=with_oscillation(exact.fit, scan, name),
             steps={**account.steps, name: float(np.log(max(len(scan.grid_hz), 1)))},
-        )
-        return added.with_laws(account.fit.shared.laws)
+        ).with_laws(laws)
+        if not any(r.effect == name for s in added.fit.states for r in s.rhythms):
+            return added
+        beside = added.fit.weighed_by(noise_left(added.fit))
+        return replace(added, fit=steadied(beside, name)).with_laws(laws)
 
     return refit

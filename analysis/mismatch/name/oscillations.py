@@ -10,19 +10,21 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from analysis.mismatch.evidence.marginal import log_ratio
+from analysis.mismatch.fit.rhythms import with_rhythm
 from analysis.mismatch.fit.study_fit import StudyFit
-from analysis.mismatch.levels import INEXACT
 from analysis.mismatch.model.effects import OwnShape, touches
+from analysis.mismatch.model.rhythm import CYCLES, HIGHEST_HZ, Rhythm, overtones, waves
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.mechanism import library
 
 FloatArray = NDArray[np.float64]
 
-LOWEST_HZ, HIGHEST_HZ = 0.15, 15.0
+LOWEST_HZ = 0.15
 COHERENT_S, COHERENT_CYCLES = 3.0, 5.0
-"""Pulse and breath keep their phase and size for about so long, and what is quicker for so many cycles."""
-STEADY_CYCLES = (COHERENT_CYCLES, COHERENT_CYCLES / 2.0, COHERENT_CYCLES / 4.0)
-"""Or for less: what moves in a narrow band has no phase of its own."""
+"""Where rhythms are looked for they keep their phase and size for so long, and what is quicker for so many cycles."""
+QUICK_HZ = COHERENT_CYCLES / COHERENT_S
+"""A quicker rhythm is a narrow band: noise of the surface with a covariance. A slower one moves the surface by so much
+that skin is touched and left by it, which no covariance holds, and the few shapes that it has are a trial's own."""
 SPACING = 0.45
 """Of the width of a line: frequencies are looked at so densely."""
 WANDERS = 0.06
@@ -30,20 +32,13 @@ WANDERS = 0.06
 SIZES = np.geomspace(3.0, 3e3, 9)
 UNKNOWN_SIZE = 1.5
 HARMONIC = "harmonic"
-OVERTONES = {2: 0.3, 3: 0.15, 4: 0.1}
-"""A body's rhythm is no sine: it has overtones of some such shares of its size, no steadier than itself."""
 TUNED, TUNED_SHARE = 15, 0.15
 """Frequencies tried about a scanned one, no further away than this share of it."""
-CYCLES = 1.25
-"""No rhythm is steadier than a cycle or so, or faster to change."""
 
 
 @dataclass(frozen=True)
 class OscillationScan:
-    """What all trials say of a surface that oscillates: evidence in nats, frequency and size, each trial's own.
-
-    It keeps its phase and size for ``cycles``.
-    """
+    """What all trials say of a surface that oscillates: evidence in nats, frequency and size, each trial's own."""
 
     evidence: float
     by_trial: FloatArray
@@ -53,33 +48,30 @@ class OscillationScan:
     name: str
     profile: FloatArray
     grid_hz: FloatArray
-    cycles: float = COHERENT_CYCLES
 
 
-def coherent_s(frequency_hz: float, cycles: float = COHERENT_CYCLES) -> float:
-    """Return for how long a rhythm keeps its phase and size, s."""
-    return min(COHERENT_S, cycles / frequency_hz)
+def coherent_s(frequency_hz: float) -> float:
+    """Return for how long a rhythm keeps its phase and size where it is looked for, s."""
+    return min(COHERENT_S, COHERENT_CYCLES / frequency_hz)
 
 
-def knots(trial: CellTrial, frequency_hz: float, cycles: float) -> FloatArray:
-    """Return hat functions (h, n) between which amplitude and phase wander; one that is constant for slow ones."""
+def wanders_s(frequency_hz: float) -> float:
+    """Return the same, but no less than a cycle or so, s."""
+    return max(coherent_s(frequency_hz), CYCLES / frequency_hz)
+
+
+def hat_waves(trial: CellTrial, frequency_hz: float, number: int = 1) -> FloatArray:
+    """Return cosine and sine (n, 2h) of an overtone on hat functions between which amplitude and phase wander."""
     t = trial.time_s
     length = float(t[-1] - t[0])
-    count = max(1, round(length / max(coherent_s(frequency_hz, cycles), CYCLES / frequency_hz)))
-    if count == 1:
-        return np.ones((1, len(t)))
-    at = np.linspace(t[0], t[-1], count + 1)
-    return np.maximum(0.0, 1.0 - np.abs(t - at[:, None]) * count / length)
-
-
-def waves(
-    trial: CellTrial, frequency_hz: float, number: int = 1, cycles: float = COHERENT_CYCLES
-) -> FloatArray:
-    """Return cosine and sine of an overtone on every hat of the rhythm, (2h, n), averaged over the cells."""
-    phase = 2.0 * np.pi * number * frequency_hz * trial.time_s
+    count = max(1, round(length / wanders_s(frequency_hz)))
+    hats = np.ones((1, len(t)))
+    if count > 1:
+        at = np.linspace(t[0], t[-1], count + 1)
+        hats = np.maximum(0.0, 1.0 - np.abs(t - at[:, None]) * count / length)
+    phase = 2.0 * np.pi * number * frequency_hz * t
     blur = np.sinc(number * frequency_hz * trial.widths_s)
-    hats = knots(trial, frequency_hz, cycles)
-    return np.vstack([hats * np.cos(phase) * blur, hats * np.sin(phase) * blur])
+    return np.vstack([hats * np.cos(phase) * blur, hats * np.sin(phase) * blur]).T
 
 
 def name_of(frequency_hz: float) -> str:
@@ -115,7 +107,7 @@ def scan_oscillations(fit: StudyFit) -> OscillationScan:
     for j in skin:
         s = fit.states[j].tissue
         stiffness.append(s.k0 + s.k1 + s.k2)
-        energies.append(_energies(fit, j, grid.tolist(), COHERENT_CYCLES))
+        energies.append(_energies(fit, j, grid.tolist()))
     # what a slow rhythm has fewer of than a quick one stays nothing
     a = np.zeros((len(skin), len(grid), max(len(v) for own in energies for v, _ in own)))
     c2 = np.zeros_like(a)
@@ -153,35 +145,19 @@ def scan_oscillations(fit: StudyFit) -> OscillationScan:
                 profile,
                 grid,
             )
-    return _as_steady(fit, best, skin, [float(s) * typical for s in SIZES])
+    return best
 
 
-def _energies(
-    fit: StudyFit, j: int, frequencies_hz: Sequence[float], cycles: float
-) -> list[tuple[FloatArray, FloatArray]]:
+def _energies(fit: StudyFit, j: int, frequencies_hz: Sequence[float]) -> list[tuple[FloatArray, FloatArray]]:
     """Return the eigenvalues of each rhythm's information in the j-th trial, and its squared scores along them."""
     trial, projector = fit.trials[j], fit.projectors[j]
     touching = touches(trial, fit.states[j], fit.shared)
     own = []
     for f in frequencies_hz:
-        white = projector((waves(trial, f, cycles=cycles) * touching).T)
+        white = projector(hat_waves(trial, f) * touching[:, None])
         values, vectors = np.linalg.eigh(white.T @ white)
         own.append((np.maximum(values, 0.0), (projector.residual @ white @ vectors) ** 2))
     return own
-
-
-def _as_steady(
-    fit: StudyFit, scan: OscillationScan, skin: Sequence[int], sizes: Sequence[float]
-) -> OscillationScan:
-    """Return the scan as steady as explains what the likeliest does, but for what a law right to a tenth leaves."""
-    if not scan.evidence > 0.0:
-        return scan
-    nats = []
-    for cycles in STEADY_CYCLES:
-        own = [_energies(fit, j, [float(scan.own_hz[j])], cycles)[0] for j in skin]
-        nats.append(max(sum(float(log_ratio(a, c2, size**2).sum()) for a, c2 in own) for size in sizes))
-    steady = next(c for c, n in zip(STEADY_CYCLES, nats, strict=True) if n >= (1.0 - INEXACT**2) * max(nats))
-    return replace(scan, cycles=steady)
 
 
 def tuned(fit: StudyFit, j: int, near_hz: float, size_mm: float) -> float:
@@ -189,42 +165,36 @@ def tuned(fit: StudyFit, j: int, near_hz: float, size_mm: float) -> float:
     trial, state = fit.trials[j], fit.states[j]
     touching = touches(trial, state, fit.shared)
     stiffness = float(state.tissue.k0 + state.tissue.k1 + state.tissue.k2)
-    time_s = trial.time_s
     reach_hz = min(SPACING / coherent_s(near_hz), TUNED_SHARE * near_hz)
     tried = near_hz + np.linspace(-1.0, 1.0, TUNED) * reach_hz
-    numbers = [n for n in (1, *OVERTONES) if 2.0 * n * near_hz < HIGHEST_HZ] or [1]
-    prior = np.repeat([(stiffness * size_mm * OVERTONES.get(n, 1.0)) ** -2 for n in numbers], 2)
-    phases = 2.0 * np.pi * np.multiply.outer(time_s, np.outer(tried, numbers).ravel())
-    columns = np.stack([np.cos(phases), np.sin(phases)], axis=-1).reshape(len(time_s), -1)
-    blur = np.sinc(np.multiply.outer(trial.widths_s, np.outer(tried, numbers).ravel()))
-    white = fit.projectors[j](stiffness * size_mm * columns * np.repeat(blur, 2, axis=1) * touching[:, None])
-    prior = prior * (stiffness * size_mm) ** 2
-    scores = fit.projectors[j].residual @ white
     gains = []
-    for k in range(TUNED):
-        part = slice(k * len(prior), (k + 1) * len(prior))
-        A = white[:, part].T @ white[:, part] + np.diag(prior)
-        gains.append(float(scores[part] @ np.linalg.solve(A, scores[part])))
+    for f in tried:
+        white = fit.projectors[j](stiffness * size_mm * waves(trial, float(f)) * touching[:, None])
+        score = fit.projectors[j].residual @ white
+        gains.append(float(score @ np.linalg.solve(white.T @ white + np.eye(len(score)), score)))
     return float(tried[int(np.argmax(gains))])
 
 
 def with_oscillation(fit: StudyFit, scan: OscillationScan, name: str) -> StudyFit:
-    """Return the fit with every trial's surface free to oscillate at its frequency, while it is touched."""
+    """Return the fit with every trial's surface free to oscillate about its frequency, while it is touched."""
     states = []
     for j, (trial, state) in enumerate(zip(fit.trials, fit.states, strict=True)):
         if trial.kind != "ramp_hold_retract":
             states.append(state)
             continue
-        f = tuned(fit, j, float(scan.own_hz[j]), scan.size_mm)
+        hz = tuned(fit, j, float(scan.own_hz[j]), scan.size_mm)
+        if scan.frequency_hz > QUICK_HZ:
+            rhythm = Rhythm(name, hz, scan.size_mm, wanders_s(hz))
+            states.append(with_rhythm(trial, state, fit.shared, rhythm))
+            continue
         touching = touches(trial, state, fit.shared)
-        overtones = {n: share for n, share in OVERTONES.items() if 2.0 * n * f < HIGHEST_HZ}
-        shapes = []
-        for number, share in {1: 1.0, **overtones}.items():
-            kind = "" if number == 1 else HARMONIC
-            shapes += [
-                OwnShape(name, "surface", w, (share * scan.size_mm) ** 2, number * f, kind)
-                for w in waves(trial, f, number, scan.cycles)
-                if np.any(w[touching])
-            ]
+        shapes = [
+            OwnShape(
+                name, "surface", w, (share * scan.size_mm) ** 2, number * hz, HARMONIC if number > 1 else ""
+            )
+            for number, share in overtones(hz).items()
+            for w in hat_waves(trial, hz, number).T
+            if np.any(w[touching])
+        ]
         states.append(state.with_shapes(shapes))
-    return replace(fit, states=tuple(states))
+    return replace(fit, states=tuple(states)).weighed_by(fit.noise)

@@ -1,0 +1,90 @@
+"""Where a trial's rhythms have moved its surface, and what they do to its force in a line about that."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.mismatch.fit.whitener import Whitener, surprise
+from analysis.mismatch.model.effects import Shared, TrialState, own_effects, simulate
+from analysis.mismatch.model.rhythm import Rhythm, waves
+from analysis.simulation.cells import CellTrial
+
+FloatArray = NDArray[np.float64]
+
+STEP = 1e-3
+"""Of a rhythm's size: of a finite difference."""
+FOLLOWED, HALVED = 8, 5
+"""How often a surface is followed at most, and how often a step towards it is halved."""
+DONE = 0.5
+"""Chi2 that following it further must gain."""
+
+
+def with_rhythm(trial: CellTrial, state: TrialState, shared: Shared, rhythm: Rhythm) -> TrialState:
+    """Return the state with one more rhythm, of which nothing is known yet."""
+    force_mn = _force_mn(trial, state, shared, rhythm)
+    there = replace(
+        rhythm,
+        force_mn=force_mn,
+        amplitudes=np.zeros_like(force_mn),
+        found_mm=np.zeros(len(trial.time_s)),
+    )
+    return replace(state, rhythms=(*state.rhythms, there))
+
+
+def followed(
+    trial: CellTrial, state: TrialState, shared: Shared, whitener: Whitener
+) -> tuple[TrialState, Whitener]:
+    """Return the state with its rhythms where they are most probable, in a line about that, and what weighs it so.
+
+    Gauss-Newton steps, halved until they gain: where skin is touched and left a surface's force is no line.
+    """
+    now = _cost(trial, state, shared, whitener)
+    for _ in range(FOLLOWED if state.rhythms else 0):
+        likeliest = whitener.amplitudes(trial.force_mn - simulate(trial, state, shared))
+        for halved in range(HALVED):
+            there = _moved(trial, state, likeliest, 0.5**halved)
+            new = _cost(trial, there, shared, whitener)
+            if new < now:
+                break
+        if not new < now:
+            break
+        columns = [_force_mn(trial, there, shared, r) for r in there.rhythms]
+        found = (replace(r, force_mn=f) for r, f in zip(there.rhythms, columns, strict=True))
+        state = replace(there, rhythms=tuple(found))
+        whitener = whitener.with_rhythms(state.rhythms)
+        gained, now = now - new, new
+        if gained < DONE:
+            break
+    return state, whitener
+
+
+def _moved(trial: CellTrial, state: TrialState, likeliest: Sequence[FloatArray], share: float) -> TrialState:
+    """Return the state with its rhythms moved a share of the way to amplitudes (n, K) of each."""
+    moved = []
+    for rhythm, there in zip(state.rhythms, likeliest, strict=True):
+        amplitudes = rhythm.amplitudes + share * (there - rhythm.amplitudes)
+        surface_mm = np.sum(rhythm.size_mm * waves(trial, rhythm.frequency_hz) * amplitudes, axis=1)
+        moved.append(replace(rhythm, amplitudes=amplitudes, found_mm=surface_mm))
+    return replace(state, rhythms=tuple(moved))
+
+
+def _cost(trial: CellTrial, state: TrialState, shared: Shared, whitener: Whitener) -> float:
+    """Return the chi2 of a trial with its rhythms as they were found, and theirs of what they are beforehand."""
+    force_mn = simulate(trial, state, shared) + sum(r.passed_mn for r in state.rhythms)
+    left = whitener.with_rhythms(())(trial.force_mn - force_mn)
+    return float(left @ left) + sum(surprise(trial.time_s, r) for r in state.rhythms)
+
+
+def _force_mn(trial: CellTrial, state: TrialState, shared: Shared, rhythm: Rhythm) -> FloatArray:
+    """Return the change of force (n, K) by each wave of a rhythm times its size, mN."""
+    own = own_effects(state)
+    base = simulate(trial, state, shared, own)
+    columns = []
+    for wave in waves(trial, rhythm.frequency_hz).T:
+        surface = own.get("surface", 0.0) + STEP * rhythm.size_mm * wave
+        columns.append((simulate(trial, state, shared, {**own, "surface": surface}) - base) / STEP)
+    return np.column_stack(columns)

@@ -1,0 +1,80 @@
+"""A quick rhythm of the surface, whose size and phase wander: tremor, or any narrow band."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.simulation.cells import CellTrial
+
+FloatArray = NDArray[np.float64]
+
+HIGHEST_HZ = 15.0
+CYCLES = 1.25
+"""No rhythm changes within a cycle or so."""
+OVERTONES = {2: 0.3, 3: 0.15, 4: 0.1}
+"""A body's rhythm is no sine: it has overtones of some such shares of its size, no steadier than itself."""
+
+
+@dataclass(frozen=True)
+class Rhythm:
+    """A surface that oscillates in one trial, s = sum_k A_k(t) w_k(t) with the ``waves`` w, (n, K).
+
+    The A_k are processes of variance ``size_mm``^2 that forget themselves in T = ``coherent_s``: a line of finite
+    width, its phase free. With x = |t - t'| / T their correlation is e^-x (Ornstein and Uhlenbeck's, a Lorentzian
+    band) or, where they are ``smooth``, 2 e^-x - e^-2x (of second order, with lesser wings). They are no parameters:
+    the covariance of the force that they make is part of the noise that cells are weighed by, and what they came to is
+    read from the residual.
+
+    ``force_mn`` (n, K) is the change of force by each w_k times ``size_mm``, in a line about where the surface was
+    found: ``found_mm`` (n,), by ``amplitudes`` (n, K) in units of the size.
+    """
+
+    effect: str
+    frequency_hz: float
+    size_mm: float
+    coherent_s: float
+    smooth: bool = False
+    force_mn: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+    amplitudes: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+    found_mm: FloatArray = field(default_factory=lambda: np.zeros(0))
+
+    @cached_property
+    def passed_mn(self) -> FloatArray:
+        """What the line makes of where the surface was found, (n,)."""
+        return np.asarray(np.sum(self.force_mn * self.amplitudes, axis=1))
+
+    @property
+    def kernel(self) -> tuple[tuple[float, float], ...]:
+        """Shares and rates (Hz) of the exponentials that an amplitude's correlation is a sum of."""
+        rate_hz = 1.0 / self.coherent_s
+        return ((2.0, rate_hz), (-1.0, 2.0 * rate_hz)) if self.smooth else ((1.0, rate_hz),)
+
+    def of(self, larger: float, steadier: float, *, smooth: bool) -> Rhythm:
+        """Return the rhythm so much larger and steadier."""
+        return replace(
+            self,
+            size_mm=larger * self.size_mm,
+            coherent_s=steadier * self.coherent_s,
+            smooth=smooth,
+            force_mn=larger * self.force_mn,
+            amplitudes=self.amplitudes / larger,
+        )
+
+
+def overtones(frequency_hz: float) -> dict[int, float]:
+    """Return the numbers of a rhythm's overtones, the first its own, and their shares of its size."""
+    return {1: 1.0} | {n: share for n, share in OVERTONES.items() if 2.0 * n * frequency_hz < HIGHEST_HZ}
+
+
+def waves(trial: CellTrial, frequency_hz: float) -> FloatArray:
+    """Return cosines and sines (n, 2N) of a rhythm and its overtones by their shares, averaged over the cells."""
+    columns = []
+    for number, share in overtones(frequency_hz).items():
+        phase = 2.0 * np.pi * number * frequency_hz * trial.time_s
+        blur = share * np.sinc(number * frequency_hz * trial.widths_s)
+        columns += [blur * np.cos(phase), blur * np.sin(phase)]
+    return np.column_stack(columns)

@@ -76,7 +76,7 @@ def _cost(trial: CellTrial, state: TrialState, shared: Shared, whitener: Whitene
     """Return the chi2 of a trial with its rhythms as they were found, and theirs of what they are beforehand."""
     force_mn = simulate(trial, state, shared) + sum(r.passed_mn for r in state.rhythms)
     left = whitener.with_rhythms(())(trial.force_mn - force_mn)
-    return float(left @ left) + sum(surprise(trial.time_s, r) for r in state.rhythms)
+    return float(left @ left) + sum(surprise(trial, r) for r in state.rhythms)
 
 
 def _force_mn(trial: CellTrial, state: TrialState, shared: Shared, rhythm: Rhythm) -> FloatArray:

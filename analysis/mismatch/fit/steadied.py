@@ -31,11 +31,10 @@ def steadied(fit: StudyFit, name: str) -> StudyFit:
     mine = [r for s in fit.states for r in s.rhythms if r.effect == name]
     least = max(float(np.log(CYCLES / (r.frequency_hz * r.coherent_s))) for r in mine)
 
-    def at(logs: FloatArray, smooth: bool) -> StudyFit:
+    def at(logs: FloatArray) -> StudyFit:
         larger, steadier = np.exp(np.clip(logs, (-MOST_LOG, least), MOST_LOG))
         rhythms = (
-            tuple(r.of(larger, steadier, smooth=smooth) if r.effect == name else r for r in s.rhythms)
-            for s in fit.states
+            tuple(r.of(larger, steadier) if r.effect == name else r for r in s.rhythms) for s in fit.states
         )
         states = tuple(replace(s, rhythms=of_it) for s, of_it in zip(fit.states, rhythms, strict=True))
         there = replace(fit, states=states)
@@ -43,18 +42,13 @@ def steadied(fit: StudyFit, name: str) -> StudyFit:
         there.__dict__["force_columns"] = fit.force_columns
         return there
 
-    def likeliest(smooth: bool) -> tuple[float, FloatArray]:
-        found = minimize(
-            lambda logs: restricted_deviance(at(logs, smooth), fit.noise),
-            np.zeros(2),
-            method="Nelder-Mead",
-            # the stubs know no options of a method
-            options={"xatol": NEAR, "fatol": NEAR, "initial_simplex": FIRST_LOGS},  # type: ignore[call-overload]
-        )
-        return float(found.fun), np.asarray(found.x)
-
-    (rough, of_rough), (smooth, of_smooth) = likeliest(False), likeliest(True)
-    if restricted_deviance(fit, fit.noise) - min(rough, smooth) < SAME:
+    found = minimize(
+        lambda logs: restricted_deviance(at(logs), fit.noise),
+        np.zeros(2),
+        method="Nelder-Mead",
+        # the stubs know no options of a method
+        options={"xatol": NEAR, "fatol": NEAR, "initial_simplex": FIRST_LOGS},  # type: ignore[call-overload]
+    )
+    if restricted_deviance(fit, fit.noise) - float(found.fun) < SAME:
         return fit
-    best = at(of_smooth, True) if smooth < rough else at(of_rough, False)
-    return best.weighed_by(fit.noise)
+    return at(found.x).weighed_by(fit.noise)

@@ -76,9 +76,8 @@ class Whitener:
         for rhythm in self._rhythms:
             f = rhythm.force_mn[self._use]
             diagonal = diagonal + np.sum(f**2, axis=1)
-            for share, rate_hz in rhythm.kernel:
-                U, V = np.hstack([U, share * f]), np.hstack([V, f])
-                tau_s = np.append(tau_s, np.full(f.shape[1], 1.0 / rate_hz))
+            U, V = np.hstack([U, f]), np.hstack([V, f])
+            tau_s = np.append(tau_s, np.full(f.shape[1], rhythm.coherent_s))
         steps = trial.steps if use.all() else Steps.between(trial.time_s[use])
         t = np.ascontiguousarray(trial.time_s[use])
         d, W = driver.factor(t, 1.0 / tau_s, diagonal, U, V, np.empty_like(diagonal), np.empty_like(V))
@@ -119,11 +118,10 @@ class Whitener:
         found = []
         for rhythm in self._rhythms:
             y = rhythm.force_mn * pull
-            shares, rates_hz = np.array(rhythm.kernel).T
-            U = np.tile(shares, (len(y), 1))
+            one, rate_hz = np.ones((len(y), 1)), np.array([1.0 / rhythm.coherent_s])
             lower, upper = np.zeros_like(y), np.zeros_like(y)
-            driver.matmul_lower(self._time_s, rates_hz, U, np.ones_like(U), y, lower)
-            driver.matmul_upper(self._time_s, rates_hz, U, np.ones_like(U), y, upper)
+            driver.matmul_lower(self._time_s, rate_hz, one, one, y, lower)
+            driver.matmul_upper(self._time_s, rate_hz, one, one, y, upper)
             found.append(y + lower + upper)
         return found
 
@@ -133,7 +131,7 @@ class Whitener:
         What drawn rhythms differ by from what is found of them in their sum with drawn noise is distributed as what the
         true ones differ by (Matheron's rule; Hoffman and Ribak, Astrophys. J. 380:L5, 1991).
         """
-        amplitudes = [_drawn_amplitudes(self._time_s, r, random) for r in self._rhythms]
+        amplitudes = [_drawn_amplitudes(self._trial, r, random) for r in self._rhythms]
         force_mn = np.zeros(len(self._time_s))
         force_mn[self._use] = self._alone.drawn(random)
         for rhythm, of_it in zip(self._rhythms, amplitudes, strict=True):
@@ -149,25 +147,24 @@ class Whitener:
         return y[:, 0]
 
 
-def surprise(time_s: FloatArray, rhythm: Rhythm) -> float:
+def surprise(trial: CellTrial, rhythm: Rhythm) -> float:
     """Return the chi2 of a rhythm's amplitudes as they were found against what they are beforehand."""
-    rates_hz, U, d, W = _factor(time_s, rhythm)
-    z = np.array(rhythm.amplitudes, order="C")
-    driver.solve_lower(time_s, rates_hz, U, W, z, z)
-    return float(np.sum(z**2 / d[:, None]))
+    decay, d = _innovations(trial, rhythm)
+    z = rhythm.amplitudes.copy()
+    z[1:] -= decay * rhythm.amplitudes[:-1]
+    return float(np.sum(z**2 / d))
 
 
-def _drawn_amplitudes(time_s: FloatArray, rhythm: Rhythm, random: np.random.Generator) -> FloatArray:
+def _drawn_amplitudes(trial: CellTrial, rhythm: Rhythm, random: np.random.Generator) -> FloatArray:
     """Return amplitudes (n, K) of a rhythm as they are distributed before a trial is seen."""
-    rates_hz, U, d, W = _factor(time_s, rhythm)
-    y = np.sqrt(d)[:, None] * random.standard_normal(rhythm.force_mn.shape)
-    return np.asarray(driver.matmul_lower(time_s, rates_hz, U, W, y.copy(), y))
+    decay, d = _innovations(trial, rhythm)
+    y = np.sqrt(d) * random.standard_normal(rhythm.force_mn.shape)
+    for i in range(1, len(y)):
+        y[i] += decay[i - 1] * y[i - 1]
+    return np.asarray(y)
 
 
-def _factor(time_s: FloatArray, rhythm: Rhythm) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return rates (J,), U (n, J), d (n,) and W (n, J) of the Cholesky factor of an amplitude's covariance."""
-    shares, rates_hz = np.array(rhythm.kernel).T
-    U, V = np.tile(shares, (len(time_s), 1)), np.ones((len(time_s), len(shares)))
-    diagonal = np.full(len(time_s), shares.sum() + SMALL**2)
-    d, W = driver.factor(time_s, rates_hz, diagonal, U, V, np.empty_like(diagonal), np.empty_like(V))
-    return rates_hz, U, d, W
+def _innovations(trial: CellTrial, rhythm: Rhythm) -> tuple[FloatArray, FloatArray]:
+    """Return what of an amplitude lasts from cell to cell (n - 1, 1), and the variance (n, 1) of what is new."""
+    decay = np.exp(-np.diff(trial.time_s) / rhythm.coherent_s)[:, None]
+    return decay, np.vstack([np.ones((1, 1)), 1.0 - decay**2])

@@ -23,11 +23,9 @@ OVERTONES = {2: 0.3, 3: 0.15, 4: 0.1}
 class Rhythm:
     """A surface that oscillates in one trial, s = sum_k A_k(t) w_k(t) with the ``waves`` w, (n, K).
 
-    The A_k are processes of variance ``size_mm``^2 that forget themselves in T = ``coherent_s``: a line of finite
-    width, its phase free. With x = |t - t'| / T their correlation is e^-x (Ornstein and Uhlenbeck's, a Lorentzian
-    band) or, where they are ``smooth``, 2 e^-x - e^-2x (of second order, with lesser wings). They are no parameters:
-    the covariance of the force that they make is part of the noise that cells are weighed by, and what they came to is
-    read from the residual.
+    The A_k are Ornstein-Uhlenbeck processes of variance ``size_mm``^2 that forget themselves in T = ``coherent_s``: a
+    Lorentzian band about the frequency, its phase free. They are no parameters: the covariance of the force that they
+    make is part of the noise that cells are weighed by, and what they came to is read from the residual.
 
     ``force_mn`` (n, K) is the change of force by each w_k times ``size_mm``, in a line about where the surface was
     found: ``found_mm`` (n,), by ``amplitudes`` (n, K) in units of the size.
@@ -37,7 +35,6 @@ class Rhythm:
     frequency_hz: float
     size_mm: float
     coherent_s: float
-    smooth: bool = False
     force_mn: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     amplitudes: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     found_mm: FloatArray = field(default_factory=lambda: np.zeros(0))
@@ -48,18 +45,16 @@ class Rhythm:
         return np.asarray(np.sum(self.force_mn * self.amplitudes, axis=1))
 
     @property
-    def kernel(self) -> tuple[tuple[float, float], ...]:
-        """Shares and rates (Hz) of the exponentials that an amplitude's correlation is a sum of."""
-        rate_hz = 1.0 / self.coherent_s
-        return ((2.0, rate_hz), (-1.0, 2.0 * rate_hz)) if self.smooth else ((1.0, rate_hz),)
+    def is_nothing(self) -> bool:
+        """Whether it forgets itself within a cycle or so: what has no frequency is no rhythm."""
+        return self.coherent_s * self.frequency_hz <= CYCLES * (1.0 + 1e-6)
 
-    def of(self, larger: float, steadier: float, *, smooth: bool) -> Rhythm:
+    def of(self, larger: float, steadier: float) -> Rhythm:
         """Return the rhythm so much larger and steadier."""
         return replace(
             self,
             size_mm=larger * self.size_mm,
             coherent_s=steadier * self.coherent_s,
-            smooth=smooth,
             force_mn=larger * self.force_mn,
             amplitudes=self.amplitudes / larger,
         )

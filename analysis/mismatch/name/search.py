@@ -164,6 +164,8 @@ def considered(account: Account, nothing: Account) -> tuple[Rival, ...]:
         option, refitted = fits
         if any(law.is_nothing for law in refitted.fit.shared.laws if law.name == name):
             continue
+        if any(r.is_nothing for s in refitted.fit.states for r in s.rhythms if r.effect == name):
+            continue
         gain, error = refitted.gain_over(account)
         # a gain below its error is one trial's, at the cost of others; of few trials none can say how exact a law is
         left = left_over(explained, ROUGH if few else max(refitted.inexact, INEXACT))

@@ -40,23 +40,21 @@ def _cells(n: int, seed: int = 2) -> SimpleNamespace:
     )
 
 
-def _rhythm(cells: SimpleNamespace, hz: float, coherent_s: float, smooth: bool) -> Rhythm:
+def _rhythm(cells: SimpleNamespace, hz: float, coherent_s: float) -> Rhythm:
     touching = cells.time_s > 0.3 * cells.time_s[-1]
-    return Rhythm("tremor", hz, 0.003, coherent_s, smooth, 0.5 * waves(cells, hz) * touching[:, None])
+    return Rhythm("tremor", hz, 0.003, coherent_s, 0.5 * waves(cells, hz) * touching[:, None])
 
 
 def _dense(cells: SimpleNamespace, rhythm: Rhythm, row: np.ndarray | None = None) -> np.ndarray:
     """Covariance of a rhythm's force between cells, or of the amplitudes' first wave with it."""
     x = np.abs(cells.time_s[:, None] - cells.time_s) / rhythm.coherent_s
-    kernel = 2 * np.exp(-x) - np.exp(-2 * x) if rhythm.smooth else np.exp(-x)
     f = rhythm.force_mn
-    return kernel * (f @ f.T) if row is None else kernel * f[:, 0]
+    return np.exp(-x) * (f @ f.T if row is None else f[:, 0])
 
 
-@pytest.mark.parametrize("smooth", [False, True])
-def test_a_rhythm_is_weighed_and_found_as_by_dense_matrices(smooth: bool) -> None:
+def test_a_rhythm_is_weighed_and_found_as_by_dense_matrices() -> None:
     cells = _cells(80)
-    rhythms = [_rhythm(cells, 9.0, 0.15, smooth), _rhythm(cells, 1.2, 3.0, not smooth)]
+    rhythms = [_rhythm(cells, 9.0, 0.15), _rhythm(cells, 1.2, 3.0)]
     whitener, used = Whitener(cells, NOISE, rhythms), cells.fitted
     columns = np.random.default_rng(3).normal(size=(80, 3))
     # the whitener without rhythms tells what the noise alone makes: K = W^-1 W^-T
@@ -79,7 +77,7 @@ def test_what_is_left_open_is_as_large_as_what_is_not_found() -> None:
     Each of both means of 200 draws is right to 5 %: a ratio beyond 1.3 comes by chance in fewer than one of 10^5.
     """
     cells = _cells(400, seed=5)
-    rhythm = _rhythm(cells, 9.0, 0.15, False)
+    rhythm = _rhythm(cells, 9.0, 0.15)
     whitener = Whitener(cells, NOISE, [rhythm])
     random = np.random.default_rng(6)
     L = np.linalg.cholesky(_dense(cells, rhythm) + 1e-12 * np.eye(400))

@@ -114,7 +114,7 @@ def _at_rest(fit: StudyFit) -> list[FloatArray]:
     """
     pieces: dict[tuple[str, str], list[FloatArray]] = {}
     for j, t in enumerate(fit.trials):
-        residual = fit.noise_of(j)
+        residual = fit.drawn_residual_mn(j)
         for name in ("hold", "dwell", "sweep"):
             cells = np.flatnonzero(t.in_phase(name))
             if not len(cells):

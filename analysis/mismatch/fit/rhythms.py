@@ -42,8 +42,10 @@ def followed(
 
     Gauss-Newton steps, halved until they gain: where skin is touched and left a surface's force is no line.
     """
+    if not state.rhythms:
+        return state, whitener
     now = _cost(trial, state, shared, whitener)
-    for _ in range(FOLLOWED if state.rhythms else 0):
+    for _ in range(FOLLOWED):
         likeliest = whitener.amplitudes(trial.force_mn - simulate(trial, state, shared))
         for halved in range(HALVED):
             there = _moved(trial, state, likeliest, 0.5**halved)

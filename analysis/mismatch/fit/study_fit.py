@@ -65,7 +65,7 @@ class StudyFit:
         force = simulate(trial, state, self.shared)
         amplitudes = self.whiteners[j].amplitudes(trial.force_mn - force)
         for rhythm, of_it in zip(state.rhythms, amplitudes, strict=True):
-            force = force + np.sum(rhythm.force_mn * of_it, axis=1)
+            force = force + rhythm.line_mn(of_it)
         return force
 
     @cached_property
@@ -83,7 +83,7 @@ class StudyFit:
         t = self.trials[j]
         return np.asarray(t.full_force_mn - np.interp(t.full_time_s, t.time_s, self.force_mn(j)))
 
-    def noise_of(self, j: int) -> FloatArray:
+    def drawn_residual_mn(self, j: int) -> FloatArray:
         """Return every sample (N,) of the j-th trial's residual with a draw of what is left open of its rhythms.
 
         What is taken for a rhythm is in part noise.
@@ -91,8 +91,7 @@ class StudyFit:
         trial, residual, rhythms = self.trials[j], self.full_residual_mn(j), self.states[j].rhythms
         drawn = self.whiteners[j].left_open(np.random.default_rng(j)) if rhythms else []
         for rhythm, of_it in zip(rhythms, drawn, strict=True):
-            open_mn = np.sum(rhythm.force_mn * of_it, axis=1)
-            residual = residual + np.interp(trial.full_time_s, trial.time_s, open_mn)
+            residual = residual + np.interp(trial.full_time_s, trial.time_s, rhythm.line_mn(of_it))
         return residual
 
     def with_states(self, rounds: int = ROUNDS, near: StudyFit | None = None) -> StudyFit:

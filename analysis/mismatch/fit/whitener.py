@@ -135,7 +135,7 @@ class Whitener:
         force_mn = np.zeros(len(self._time_s))
         force_mn[self._use] = self._alone.drawn(random)
         for rhythm, of_it in zip(self._rhythms, amplitudes, strict=True):
-            force_mn += np.sum(rhythm.force_mn * of_it, axis=1)
+            force_mn += rhythm.line_mn(of_it)
         return [a - found for a, found in zip(amplitudes, self.amplitudes(force_mn), strict=True)]
 
     def drawn(self, random: np.random.Generator) -> FloatArray:

@@ -42,7 +42,11 @@ class Rhythm:
     @cached_property
     def passed_mn(self) -> FloatArray:
         """What the line makes of where the surface was found, (n,)."""
-        return np.asarray(np.sum(self.force_mn * self.amplitudes, axis=1))
+        return self.line_mn(self.amplitudes)
+
+    def line_mn(self, amplitudes: FloatArray) -> FloatArray:
+        """Return what the line makes of amplitudes (n, K), (n,)."""
+        return np.asarray(np.sum(self.force_mn * amplitudes, axis=1))
 
     @property
     def is_nothing(self) -> bool:
@@ -67,9 +71,10 @@ def overtones(frequency_hz: float) -> dict[int, float]:
 
 def waves(trial: CellTrial, frequency_hz: float) -> FloatArray:
     """Return cosines and sines (n, 2N) of a rhythm and its overtones by their shares, averaged over the cells."""
-    columns = []
-    for number, share in overtones(frequency_hz).items():
-        phase = 2.0 * np.pi * number * frequency_hz * trial.time_s
-        blur = share * np.sinc(number * frequency_hz * trial.widths_s)
-        columns += [blur * np.cos(phase), blur * np.sin(phase)]
-    return np.column_stack(columns)
+    return np.hstack([share * sine(trial, n * frequency_hz) for n, share in overtones(frequency_hz).items()])
+
+
+def sine(trial: CellTrial, frequency_hz: float) -> FloatArray:
+    """Return cosine and sine (n, 2), averaged over the cells."""
+    phase = 2.0 * np.pi * frequency_hz * trial.time_s
+    return np.column_stack([np.cos(phase), np.sin(phase)]) * np.sinc(frequency_hz * trial.widths_s)[:, None]

@@ -13,7 +13,7 @@ from analysis.mismatch.evidence.marginal import log_ratio
 from analysis.mismatch.fit.rhythms import with_rhythm
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.model.effects import OwnShape, touches
-from analysis.mismatch.model.rhythm import CYCLES, HIGHEST_HZ, Rhythm, overtones, waves
+from analysis.mismatch.model.rhythm import CYCLES, HIGHEST_HZ, Rhythm, overtones, sine, waves
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.mechanism import library
 
@@ -69,9 +69,8 @@ def hat_waves(trial: CellTrial, frequency_hz: float, number: int = 1) -> FloatAr
     if count > 1:
         at = np.linspace(t[0], t[-1], count + 1)
         hats = np.maximum(0.0, 1.0 - np.abs(t - at[:, None]) * count / length)
-    phase = 2.0 * np.pi * number * frequency_hz * t
-    blur = np.sinc(number * frequency_hz * trial.widths_s)
-    return np.vstack([hats * np.cos(phase) * blur, hats * np.sin(phase) * blur]).T
+    cosine, sinus = sine(trial, number * frequency_hz).T
+    return np.vstack([hats * cosine, hats * sinus]).T
 
 
 def name_of(frequency_hz: float) -> str:

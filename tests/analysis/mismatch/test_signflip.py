@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.stats import binom
 
-from analysis.mismatch.evidence.signflip import Family, flip_test
+from analysis.mismatch.evidence.signflip import flip_test
 
 TRIALS, CANDIDATES, STUDIES = 20, 60, 300
 
@@ -46,18 +46,3 @@ def test_one_sided_candidates_ignore_the_other_sign() -> None:
     test = flip_test(scores, np.array([True, False]), rng)
     assert test.p_value[0] > 0.9
     assert test.p_value[1] < 0.001
-
-
-def test_families_share_the_level_and_the_small_one_is_spared_the_many() -> None:
-    rng = np.random.default_rng(7)
-    families = (Family(4, 0.7), Family(400, 0.3))
-    sided = np.zeros(404, dtype=bool)
-    alarms, seen_apart, seen_together = 0, 0, 0
-    for _ in range(STUDIES):
-        scores = rng.normal(size=(TRIALS, 404))
-        alarms += bool(flip_test(scores, sided, rng, families).p_value.min() <= 0.05)
-        scores[:, 2] += 0.9
-        seen_apart += bool(flip_test(scores, sided, rng, families).p_value[2] <= 0.05)
-        seen_together += bool(flip_test(scores, sided, rng).p_value[2] <= 0.05)
-    assert alarms <= binom.ppf(1 - 1e-5, STUDIES, 0.05)
-    assert seen_apart > 1.3 * seen_together

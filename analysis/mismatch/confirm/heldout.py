@@ -20,18 +20,13 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Mean square residual (n,) mN^2 of every trial before and after; noise floor (mN); p of the improvement.
-
-    ``whitened_chi2`` are the improved account's per cell, by the noise measured at rest.
-    """
+    """Mean square residual (n,) mN^2 of every trial before and after; noise floor (mN); p of the improvement."""
 
     scheme: str
     baseline_ms: FloatArray
     improved_ms: FloatArray
     floor_mn: float
     p_value: float
-    baseline_whitened: float
-    whitened_chi2: float
 
 
 def confirm(baseline: Account, improved: Account, rng: np.random.Generator) -> HeldOut:
@@ -39,10 +34,9 @@ def confirm(baseline: Account, improved: Account, rng: np.random.Generator) -> H
 
     H0 of the p-value: a trial is as likely predicted better as worse; sign-flips of whole trials' evidence.
     """
-    before, after = _mean_squares(baseline), _mean_squares(improved)
-    chi2, chi2_before = whitened_chi2(improved), whitened_chi2(baseline)
-    if not improved.names:
-        after, chi2 = before, chi2_before
+    before = _mean_squares(baseline)
+    after = _mean_squares(improved) if improved.names else before
+    chi2 = whitened_chi2(improved if improved.names else baseline)
     # what lies above the noise at rest is no noise: the floor is what a residual of chi2 1 would have
     floor = float(np.sqrt(np.mean(after) / max(chi2, 1.0)))
     gain = improved.evidence - baseline.evidence
@@ -52,7 +46,7 @@ def confirm(baseline: Account, improved: Account, rng: np.random.Generator) -> H
         if len(before) >= FEWEST_HELD_OUT
         else "too few trials to hold any out"
     )
-    return HeldOut(scheme, before, after, floor, float(p), chi2_before, chi2)
+    return HeldOut(scheme, before, after, floor, float(p))
 
 
 def whitened_chi2(account: Account) -> float:

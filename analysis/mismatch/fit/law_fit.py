@@ -73,8 +73,13 @@ def law_columns(trial: CellTrial, state: TrialState, shared: Shared) -> FloatArr
                 changed = with_value(shared, at, p, p.to_fit(law.values[p.name]) - h)
                 real = p.to_fit(changed.laws[at].values[p.name]) - p.to_fit(law.values[p.name])
             columns.append((simulate(trial, state, changed, own) - base) / (real or h))
-    # what the channels' delay changes stands last
-    columns.append(delayed(trial, base))
+    # what the channels' delay changes stands last: a share of what the force is without it
+    at_one = base - own.get("force", 0.0)
+    if shared.delay_samples:
+        at_one = simulate(
+            trial, state, replace(shared, delay_samples=0.0), {**own, "force": np.zeros_like(base)}
+        )
+    columns.append(delayed(trial, at_one))
     return np.column_stack(columns)
 
 

@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import Bounds, minimize
 
+from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.fit.law_fit import (
     LARGEST_TISSUE_STEP,
     MOST_DELAY_SAMPLES,
     STEP,
     bounded_step,
+    law_columns,
     parameter_scale,
     vector,
 )
 from analysis.mismatch.fit.own import solved
-from analysis.mismatch.model.effects import TISSUE_SIZE, Law, Shared
+from analysis.mismatch.model.effects import TISSUE_SIZE, Law, OwnShape, Shared, simulate
+from analysis.mismatch.study.intake import take_in_memory
+from analysis.recordings.trial import Trial
 from analysis.simulation.mechanism import Mechanism, library
 
 CELLS = 60
@@ -66,6 +73,19 @@ def test_what_a_trial_shows_nothing_of_stays_where_it_is(seed: int, scale: float
     found = solved(J.T @ J, J.T @ y)
     assert found[2] == 0.0
     np.testing.assert_allclose(found[shown], np.linalg.lstsq(J[:, shown], y)[0], rtol=1e-6)
+
+
+def test_the_column_of_a_delay_is_its_difference(record: Callable[..., list[Trial]]) -> None:
+    """A delay changes the force in a straight line, however much of it there is, and not what is added to it."""
+    fit = fit_baseline(take_in_memory(record(47)).trials)
+    trial, state = fit.trials[0], fit.states[0]
+    added_mn = np.sin(40.0 * trial.time_s)
+    state = state.with_shapes([OwnShape("block", "force", added_mn, 1.0)], 0.5)
+    friction = library()["coulomb_friction"]
+    laws = (Law(friction, {**friction.null, friction.amplitude: 2.0}, (friction.amplitude,)),)
+    late, later = (replace(fit.shared, laws=laws, delay_samples=d) for d in (0.9, 1.9))
+    changed_mn = simulate(trial, state, later) - simulate(trial, state, late)
+    np.testing.assert_allclose(law_columns(trial, state, late)[:, -1], changed_mn, atol=1e-9)
 
 
 @pytest.mark.parametrize("law", [m for m in library().values() if m.form == "law"], ids=lambda m: m.name)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.mismatch.fit.whitener import Whitener, surprise
-from analysis.mismatch.model.effects import Shared, TrialState, own_effects, simulate
+from analysis.mismatch.model.effects import Acts, Shared, TrialState, own_effects, simulate
 from analysis.mismatch.model.rhythm import Rhythm, waves
 from analysis.simulation.cells import CellTrial
 
@@ -56,7 +56,7 @@ def followed(
             break
         columns = [_force_mn(trial, there, shared, r) for r in there.rhythms]
         found = (replace(r, force_mn=f) for r, f in zip(there.rhythms, columns, strict=True))
-        state = replace(there, rhythms=tuple(found))
+        state = _bent(trial, replace(there, rhythms=tuple(found)), shared)
         whitener = whitener.with_rhythms(state.rhythms)
         gained, now = now - new, new
         if gained < DONE:
@@ -76,17 +76,32 @@ def _moved(trial: CellTrial, state: TrialState, likeliest: Sequence[FloatArray],
 
 def _cost(trial: CellTrial, state: TrialState, shared: Shared, whitener: Whitener) -> float:
     """Return the chi2 of a trial with its rhythms as they were found, and theirs of what they are beforehand."""
-    force_mn = simulate(trial, state, shared) + sum(r.passed_mn for r in state.rhythms)
-    left = whitener.with_rhythms(())(trial.force_mn - force_mn)
+    left = whitener.with_rhythms(())(
+        trial.force_mn - simulate(trial, state, shared, _where_found(trial, state))
+    )
     return float(left @ left) + sum(surprise(trial, r) for r in state.rhythms)
+
+
+def _where_found(trial: CellTrial, state: TrialState) -> dict[Acts, FloatArray]:
+    """Return what a trial's own shapes come to, the surface where its rhythms were found."""
+    own = own_effects(replace(state, bent_mn=np.zeros(0)))
+    surface_mm = own.get("surface", np.zeros_like(trial.time_s))
+    return {**own, "surface": surface_mm + sum(r.found_mm for r in state.rhythms)}
+
+
+def _bent(trial: CellTrial, state: TrialState, shared: Shared) -> TrialState:
+    """Return the state with what the surface where its rhythms were found makes of the force beyond their line."""
+    straight = replace(state, bent_mn=np.zeros(0))
+    moved_mn = simulate(trial, state, shared, _where_found(trial, state)) - simulate(trial, straight, shared)
+    return replace(state, bent_mn=moved_mn - sum(r.passed_mn for r in state.rhythms))
 
 
 def _force_mn(trial: CellTrial, state: TrialState, shared: Shared, rhythm: Rhythm) -> FloatArray:
     """Return the change of force (n, K) by each wave of a rhythm times its size, mN."""
-    own = own_effects(state)
+    own = _where_found(trial, state)
     base = simulate(trial, state, shared, own)
     columns = []
     for wave in waves(trial, rhythm.frequency_hz).T:
-        surface = own.get("surface", 0.0) + STEP * rhythm.size_mm * wave
+        surface = own["surface"] + STEP * rhythm.size_mm * wave
         columns.append((simulate(trial, state, shared, {**own, "surface": surface}) - base) / STEP)
     return np.column_stack(columns)

@@ -97,7 +97,10 @@ class OwnShapes(tuple[OwnShape, ...]):
 
 @dataclass(frozen=True)
 class TrialState:
-    """What belongs to one trial: logarithms of five tissue constants, contact point, offset, own shapes, rhythms."""
+    """What belongs to one trial: logarithms of five tissue constants, contact point, offset, own shapes, rhythms.
+
+    ``bent_mn`` (n,) is what a surface where its rhythms were found makes of the force beyond their line.
+    """
 
     log_tissue: FloatArray
     z0_mm: float
@@ -105,6 +108,7 @@ class TrialState:
     shapes: OwnShapes = field(default_factory=OwnShapes)
     coefficients: FloatArray = field(default_factory=lambda: np.zeros(0))
     rhythms: tuple[Rhythm, ...] = ()
+    bent_mn: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def tissue(self) -> Tissue:
@@ -171,12 +175,12 @@ def touches(trial: CellTrial, state: TrialState, shared: Shared) -> NDArray[np.b
 def own_effects(state: TrialState) -> dict[Acts, FloatArray]:
     """Return what a trial's own shapes come to, (n,) for each stage at which some act.
 
-    The surface is where its rhythms were found; what they do in a line about that is no part of the simulation.
+    What rhythms do in a line is no part of the simulation, nor may it follow the surface where they were found: a
+    stiffer tissue would explain a part of them, and the surface is known as well as that only by this tissue.
     """
     own = {acts: state.coefficients[at] @ shapes for acts, (at, shapes) in state.shapes.by_stage.items()}
-    for rhythm in state.rhythms:
-        own["surface"] = own.get("surface", 0.0) + rhythm.found_mm
-        own["force"] = own.get("force", 0.0) - rhythm.passed_mn
+    if len(state.bent_mn):
+        own["force"] = own.get("force", 0.0) + state.bent_mn
     return own
 
 

@@ -117,6 +117,34 @@ def test_a_surface_is_followed_through_touch_and_release(record: Callable[..., l
     assert float(left @ left) < float(first @ first)
 
 
+def test_a_rhythm_stiffens_no_tissue(record: Callable[..., list[Trial]]) -> None:
+    """A tremor of known size on tissues that are known: their stiffness comes out within 1 %, pass after pass.
+
+    Where the simulation follows the surface that was found, a stiffer tissue explains a part of the rhythm: half as
+    stiff again it becomes so within these passes.
+    """
+    fit = fit_baseline(take_in_memory(record(48)).trials)
+    random = np.random.default_rng(50)
+    rhythm = Rhythm("tremor", 9.0, 0.01, 0.4)
+    trials, states = [], []
+    for trial, state in zip(fit.trials, fit.states, strict=True):
+        forget = np.exp(-np.diff(trial.time_s) / rhythm.coherent_s)
+        amplitudes = [random.standard_normal(2)]
+        for keep in forget:
+            amplitudes.append(keep * amplitudes[-1] + np.sqrt(1.0 - keep**2) * random.standard_normal(2))
+        waves_mm = rhythm.size_mm * waves(trial, rhythm.frequency_hz)[:, :2]
+        surface_mm = np.sum(waves_mm * amplitudes, axis=1)
+        force_mn = simulate(trial, state, fit.shared, {"surface": surface_mm})
+        force_mn = force_mn + 0.2 * random.standard_normal(len(force_mn)) / np.sqrt(trial.counts)
+        trials.append(replace(trial, force_mn=force_mn))
+        states.append(with_rhythm(trials[-1], state, fit.shared, rhythm))
+    there = replace(fit, trials=tuple(trials), states=tuple(states)).weighed_by(NoiseModel(0.2))
+    for _ in range(6):
+        there = there.with_population(1)
+    stiffness = [[np.exp(s.log_tissue[[0, 1, 3]]).sum() for s in fitted.states] for fitted in (fit, there)]
+    assert np.all(np.abs(np.log(stiffness[1]) - np.log(stiffness[0])) < 0.01)
+
+
 @pytest.mark.parametrize(
     ("middle_hz", "half"),
     [(1.2, 0.03), (7.0, 0.05), (11.0, 0.05)],

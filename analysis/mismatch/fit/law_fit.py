@@ -17,7 +17,6 @@ from analysis.mismatch.model.effects import (
     Law,
     Shared,
     TrialState,
-    delayed,
     own_effects,
     simulate,
 )
@@ -73,13 +72,9 @@ def law_columns(trial: CellTrial, state: TrialState, shared: Shared) -> FloatArr
                 changed = with_value(shared, at, p, p.to_fit(law.values[p.name]) - h)
                 real = p.to_fit(changed.laws[at].values[p.name]) - p.to_fit(law.values[p.name])
             columns.append((simulate(trial, state, changed, own) - base) / (real or h))
-    # what the channels' delay changes stands last: a share of what the force is without it
-    at_one = base - own.get("force", 0.0)
-    if shared.delay_samples:
-        at_one = simulate(
-            trial, state, replace(shared, delay_samples=0.0), {**own, "force": np.zeros_like(base)}
-        )
-    columns.append(delayed(trial, at_one))
+    # what the channels' delay changes stands last: as it is a straight line, by a whole sample
+    later = replace(shared, delay_samples=shared.delay_samples + 1.0)
+    columns.append(simulate(trial, state, later, own) - base)
     return np.column_stack(columns)
 
 

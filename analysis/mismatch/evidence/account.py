@@ -237,9 +237,7 @@ def with_own_sizes(fit: StudyFit) -> StudyFit:
 
 def _without(state: TrialState, effect: str) -> TrialState:
     """Return a state without the shapes and rhythms of one effect."""
-    rhythms = tuple(r for r in state.rhythms if r.effect != effect)
-    if len(rhythms) < len(state.rhythms):
-        state = replace(state, rhythms=rhythms, bent_mn=np.zeros(0))
+    state = replace(state, rhythms=tuple(r for r in state.rhythms if r.effect != effect))
     return _kept(state, [k for k, shape in enumerate(state.shapes) if shape.effect != effect])
 
 

@@ -31,6 +31,7 @@ def with_rhythm(trial: CellTrial, state: TrialState, shared: Shared, rhythm: Rhy
         force_mn=force_mn,
         amplitudes=np.zeros_like(force_mn),
         found_mm=np.zeros(len(trial.time_s)),
+        bent_mn=np.zeros(len(trial.time_s)),
     )
     return replace(state, rhythms=(*state.rhythms, there))
 
@@ -84,16 +85,24 @@ def _cost(trial: CellTrial, state: TrialState, shared: Shared, whitener: Whitene
 
 def _where_found(trial: CellTrial, state: TrialState) -> dict[Acts, FloatArray]:
     """Return what a trial's own shapes come to, the surface where its rhythms were found."""
-    own = own_effects(replace(state, bent_mn=np.zeros(0)))
+    own = own_effects(replace(state, rhythms=()))
     surface_mm = own.get("surface", np.zeros_like(trial.time_s))
     return {**own, "surface": surface_mm + sum(r.found_mm for r in state.rhythms)}
 
 
 def _bent(trial: CellTrial, state: TrialState, shared: Shared) -> TrialState:
-    """Return the state with what the surface where its rhythms were found makes of the force beyond their line."""
-    straight = replace(state, bent_mn=np.zeros(0))
-    moved_mn = simulate(trial, state, shared, _where_found(trial, state)) - simulate(trial, straight, shared)
-    return replace(state, bent_mn=moved_mn - sum(r.passed_mn for r in state.rhythms))
+    """Return the state with what the surface where each rhythm was found makes of the force beyond the rhythm's line.
+
+    Of several each is beside those before it.
+    """
+    before_mn = simulate(trial, replace(state, rhythms=()), shared)
+    bent: list[Rhythm] = []
+    for rhythm in state.rhythms:
+        beside = replace(state, rhythms=(*bent, rhythm))
+        force_mn = simulate(trial, state, shared, _where_found(trial, beside))
+        bent.append(replace(rhythm, bent_mn=force_mn - before_mn - rhythm.passed_mn))
+        before_mn = force_mn
+    return replace(state, rhythms=tuple(bent))
 
 
 def _force_mn(trial: CellTrial, state: TrialState, shared: Shared, rhythm: Rhythm) -> FloatArray:

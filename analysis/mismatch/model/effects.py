@@ -97,10 +97,7 @@ class OwnShapes(tuple[OwnShape, ...]):
 
 @dataclass(frozen=True)
 class TrialState:
-    """What belongs to one trial: logarithms of five tissue constants, contact point, offset, own shapes, rhythms.
-
-    ``bent_mn`` (n,) is what a surface where its rhythms were found makes of the force beyond their line.
-    """
+    """What belongs to one trial: logarithms of five tissue constants, contact point, offset, own shapes, rhythms."""
 
     log_tissue: FloatArray
     z0_mm: float
@@ -108,7 +105,6 @@ class TrialState:
     shapes: OwnShapes = field(default_factory=OwnShapes)
     coefficients: FloatArray = field(default_factory=lambda: np.zeros(0))
     rhythms: tuple[Rhythm, ...] = ()
-    bent_mn: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def tissue(self) -> Tissue:
@@ -179,8 +175,8 @@ def own_effects(state: TrialState) -> dict[Acts, FloatArray]:
     stiffer tissue would explain a part of them, and the surface is known as well as that only by this tissue.
     """
     own = {acts: state.coefficients[at] @ shapes for acts, (at, shapes) in state.shapes.by_stage.items()}
-    if len(state.bent_mn):
-        own["force"] = own.get("force", 0.0) + state.bent_mn
+    for rhythm in state.rhythms:
+        own["force"] = own.get("force", 0.0) + rhythm.bent_mn
     return own
 
 

@@ -28,7 +28,8 @@ class Rhythm:
     make is part of the noise that cells are weighed by, and what they came to is read from the residual.
 
     ``force_mn`` (n, K) is the change of force by each w_k times ``size_mm``, in a line about where the surface was
-    found: ``found_mm`` (n,), by ``amplitudes`` (n, K) in units of the size.
+    found: ``found_mm`` (n,), by ``amplitudes`` (n, K) in units of the size. ``bent_mn`` (n,) is what the surface makes
+    of the force there beyond that line.
     """
 
     effect: str
@@ -38,6 +39,7 @@ class Rhythm:
     force_mn: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     amplitudes: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     found_mm: FloatArray = field(default_factory=lambda: np.zeros(0))
+    bent_mn: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @cached_property
     def passed_mn(self) -> FloatArray:

@@ -13,7 +13,7 @@ from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.fit.noise import NoiseModel
 from analysis.mismatch.fit.rhythms import followed, with_rhythm
 from analysis.mismatch.fit.whitener import Whitener
-from analysis.mismatch.model.effects import simulate, touches
+from analysis.mismatch.model.effects import simulate, tissue_force, touches
 from analysis.mismatch.model.rhythm import Rhythm, waves
 from analysis.mismatch.name.oscillations import hat_waves
 from analysis.mismatch.study.intake import take_in_memory
@@ -115,6 +115,9 @@ def test_a_surface_is_followed_through_touch_and_release(record: Callable[..., l
     assert float(left @ left) < 1.2 * len(left)
     first = whitener(moved.force_mn - simulate(moved, there, fit.shared))
     assert float(left @ left) < float(first @ first)
+    # and nothing of it is the tissue's
+    alone = tissue_force(moved, state, fit.shared)
+    np.testing.assert_array_equal(tissue_force(moved, found, fit.shared), alone)
 
 
 def test_a_rhythm_stiffens_no_tissue(record: Callable[..., list[Trial]]) -> None:

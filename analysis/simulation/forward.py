@@ -123,8 +123,7 @@ def _contact_force(
 ) -> FloatArray:
     depth = indentation(tip, z0, trial)
     if trial.kind == "rigid_target":
-        stiffness = trial.target_stiffness_mn_per_mm or rigid_stiffness
-        return stiffness * depth
+        return rigid_stiffness * depth
     for m, p in added:
         depth = m.indentation_mm(trial, depth, p)
     steps = trial.onset_steps if ideal_step else trial.steps

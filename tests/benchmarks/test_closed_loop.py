@@ -103,13 +103,13 @@ def test_confusable_then_next_then_resolved_then_twin(tmp_path: Path) -> None:
 
     of_twin = run_protocol_file(study, rig=tmp_path / "second-diagnosis" / "twin.toml", out=tmp_path / "twin")
     again = report_of(of_twin, tmp_path / "twin-diagnosis")
-    floor = first["heldout"]["noise_floor_mn"]
+    # on a block the noise of the position is a force too: each study has its own noise
+    noise_mn = {"bench": second["heldout"]["noise_floor_mn"], "twin": first["heldout"]["noise_floor_mn"]}
     left = {name: r["heldout"]["improved_rms_mn"] for name, r in (("bench", second), ("twin", again))}
-    print(f"the simulation leaves {left} mN rms of the bench and of its twin; noise of the bench {floor:.4f}")
+    print(f"the simulation leaves {left} mN rms of the bench and of its twin; noise {noise_mn}")
     for name in TISSUE:
         one, other = (r["baseline_parameters"][name] for r in (first, again))
         print(f"  {name} fitted to the same study: bench {one['value']:.4g}, twin {other['value']:.4g}")
         assert one["value"] == pytest.approx(other["value"], rel=0.02), name
     assert again["verdict"] == first["verdict"]
-    assert left["twin"] == pytest.approx(floor, rel=0.02)
-    assert left["bench"] == pytest.approx(floor, rel=0.02)
+    assert left == pytest.approx(noise_mn, rel=0.02)

@@ -15,7 +15,7 @@ from analysis.mismatch.fit.start import longest_s, start_rigid, start_tissue
 from analysis.mismatch.fit.study_fit import StudyFit, sampled_alike
 from analysis.mismatch.fit.whitener import Whitener
 from analysis.mismatch.levels import FEWEST_HELD_OUT
-from analysis.mismatch.model.effects import OwnShape, Shared, TrialState, simulate, tissue_force
+from analysis.mismatch.model.effects import OwnShape, Shared, TrialState, tissue_force
 from analysis.mismatch.model.population import Population
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.smoothing import sample_noise
@@ -28,7 +28,7 @@ FIRST_SLOW = (0.02, 0.1)
 """Variance (in units of white) and time (s) of the slow noise that is assumed before any was measured."""
 NOISE_ROUNDS = 2
 STATED_BLOCK, UNSTATED_BLOCK = 0.05, 0.5
-"""How well the stiffness of a block is known, as a logarithm."""
+"""How well it is known what a block gives, as a share."""
 
 
 def fit_baseline(trials: Sequence[CellTrial], *, ideal_step: bool = False) -> StudyFit:
@@ -42,7 +42,7 @@ def fit_baseline(trials: Sequence[CellTrial], *, ideal_step: bool = False) -> St
         for t in trials
     )
     shared = Shared((), start_rigid(trials), ideal_step)
-    states = tuple(_with_block(t, s, shared) for t, s in zip(trials, states, strict=True))
+    states = tuple(_with_block(t, s) for t, s in zip(trials, states, strict=True))
     white = max(float(np.median([sample_noise(t.full_force_mn.astype(np.float64)) for t in trials])), 1e-12)
     noise = NoiseModel(white, ((FIRST_SLOW[0] * white**2, FIRST_SLOW[1]),))
     fit = StudyFit(
@@ -78,13 +78,12 @@ def begun_anew(fit: StudyFit) -> StudyFit:
     return replace(fit, states=states, population=weak).with_population(1)
 
 
-def _with_block(trial: CellTrial, state: TrialState, shared: Shared) -> TrialState:
-    """Return the state of a run on a stiff block with that block's stiffness free, as far as it is not stated."""
+def _with_block(trial: CellTrial, state: TrialState) -> TrialState:
+    """Return the state of a run on a stiff block with what that block gives free, as far as it is not stated."""
     if trial.kind != "rigid_target":
         return state
     known = STATED_BLOCK if trial.target_stiffness_mn_per_mm else UNSTATED_BLOCK
-    force = simulate(trial, state, shared) - state.offset_mn
-    return state.with_shapes([OwnShape("block", "force", force, known**2)])
+    return state.with_shapes([OwnShape("block", "block", np.zeros(0), known**2)])
 
 
 def noise_of(fit: StudyFit) -> NoiseModel:

@@ -100,7 +100,7 @@ def force_columns(trial: CellTrial, state: TrialState, shared: Shared) -> ForceC
             columns.append(shape.shape)
             continue
         step = 1e-3 * float(np.sqrt(shape.prior))
-        if shape.acts == "size":
+        if shape.is_number:
             coefficients = state.coefficients.copy()
             coefficients[k] += step
             there = simulate(trial, replace(state, coefficients=coefficients), shared, own)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.mismatch.fit.baseline import noise_left
 from analysis.mismatch.fit.noise import NoiseModel
 from analysis.mismatch.fit.slow_noise import restricted_deviance
 from analysis.mismatch.fit.study_fit import StudyFit
@@ -29,8 +30,10 @@ class Quiet:
 def out_of_contact(fit: StudyFit) -> Quiet:
     """Weigh the noise of whole trials by what they are while nothing is touched (likelihood ratio, one share free).
 
-    Under H0, noise of the sensor, the gain is half a chi2 of one degree of freedom.
+    Under H0, noise of the sensor, the gain is half a chi2 of one degree of freedom. A block is so stiff that the noise
+    of the position is a force: of what wanders on skin its trials say nothing.
     """
+    fit = _on_skin(fit)
     noise = fit.noise
     apart = [_apart(fit, j) for j in range(len(fit.trials))]
     kept = [a for a in apart if a is not None]
@@ -47,6 +50,20 @@ def out_of_contact(fit: StudyFit) -> Quiet:
     deviances = [restricted_deviance(away, n) for n in tried]
     best = int(np.argmin(deviances))
     return Quiet(tried[best], 0.5 * (deviances[0] - deviances[best]))
+
+
+def _on_skin(fit: StudyFit) -> StudyFit:
+    """Return the fit of the trials that press no block, weighed by their own noise."""
+    kept = [j for j, trial in enumerate(fit.trials) if trial.kind != "rigid_target"]
+    if not kept or len(kept) == len(fit.trials):
+        return fit
+    skin = replace(
+        fit,
+        trials=tuple(fit.trials[j] for j in kept),
+        states=tuple(fit.states[j] for j in kept),
+        whiteners=tuple(fit.whiteners[j] for j in kept),
+    )
+    return skin.weighed_by(noise_left(skin))
 
 
 def _apart(fit: StudyFit, j: int) -> tuple[CellTrial, TrialState] | None:

@@ -18,8 +18,10 @@ from analysis.simulation.response import low_pass
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-Acts = Literal["surface", "share", "force", "size"]
+Acts = Literal["surface", "share", "force", "size", "block"]
 
+STIFFEST = 0.01
+"""A block gives no less than this share of what it is said to give."""
 TISSUE_SIZE = 5
 TISSUE_NAMES = ("k0_mn_per_mm", "k1_mn_per_mm", "tau1_s", "k2_mn_per_mm", "tau2_s")
 
@@ -61,7 +63,7 @@ class OwnShape:
 
     It moves the ``surface`` (mm towards the arm), is a lost ``share`` of the contact force, or adds to
     the ``force`` that is read (mN). Of what acts on the ``size`` of a law, the coefficient is the logarithm of how much
-    larger it is in this trial, and there is no shape.
+    larger it is in this trial, and there is no shape; of a ``block`` it is the share by which that gives more.
     ``at`` is where: the time (s) of a step, the frequency (Hz) of an oscillation. ``kind`` marks what an effect may do
     besides (creep, harmonics, inexactness); it is empty for the effect itself.
     """
@@ -73,6 +75,11 @@ class OwnShape:
     at: float = 0.0
     kind: str = ""
 
+    @property
+    def is_number(self) -> bool:
+        """Whether it changes a number of the simulation, and has no shape."""
+        return self.acts in ("size", "block")
+
 
 class OwnShapes(tuple[OwnShape, ...]):
     """A trial's own shapes."""
@@ -82,7 +89,7 @@ class OwnShapes(tuple[OwnShape, ...]):
         """For each stage at which some act: their places (k,), and the shapes themselves, (k, n)."""
         places: dict[Acts, list[int]] = {}
         for k, shape in enumerate(self):
-            if shape.acts != "size":
+            if not shape.is_number:
                 places.setdefault(shape.acts, []).append(k)
         return {
             acts: (np.array(at, dtype=np.int64), np.array([self[k].shape for k in at]))
@@ -149,6 +156,17 @@ def values_here(law: Law, state: TrialState) -> Values:
     return {**law.values, size: law.values[size] * float(np.exp(state.coefficients[at]))}
 
 
+def block_stiffness(trial: CellTrial, state: TrialState, shared: Shared) -> float:
+    """Return the stiffness of the block that a trial presses, where it presses one, mN/mm.
+
+    A lever that bends is in series with it: compliances add up.
+    """
+    gives = 1.0 + sum(
+        float(c) for c, s in zip(state.coefficients, state.shapes, strict=True) if s.acts == "block"
+    )
+    return (trial.target_stiffness_mn_per_mm or shared.rigid_stiffness) / max(gives, STIFFEST)
+
+
 def delayed(trial: CellTrial, force_mn: FloatArray) -> FloatArray:
     """Return what a sample of delay between the channels adds to a force (n,), mN."""
     return low_pass(force_mn, trial.steps, 1.0 / trial.sample_rate_hz) - force_mn
@@ -190,7 +208,7 @@ def simulate(
         state.tissue,
         PerTrial(state.z0_mm, state.offset_mn),
         [(a.mechanism, values_here(a, state)) for a in shared.laws],
-        rigid_stiffness=shared.rigid_stiffness,
+        rigid_stiffness=block_stiffness(trial, state, shared),
         surface_mm=added.get("surface", 0.0),
         lost_share=added.get("share", 0.0),
         ideal_step=shared.ideal_step,

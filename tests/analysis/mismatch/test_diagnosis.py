@@ -27,7 +27,7 @@ from analysis.simulation.mechanism import library
 sys.path.append(str(Path(__file__).parents[2]))
 from bench_trials import bench_trials
 
-from sim_hardware.concealment.offline import study_plans
+from sim_hardware.concealment.offline import rigid_plan, study_plans
 
 LIVING = (
     "seed = {seed}\n[specimens]\npublished_tissue = false\nfinger_variation = 0.1\nsite_variation = 0.1\n"
@@ -228,3 +228,22 @@ def test_trials_of_two_rigs_are_refused() -> None:
     faster = replace(two, sample_rate_hz=10_000.0)
     with pytest.raises(BadInputError, match="different rigs"):
         take_in_memory([one, faster])
+
+
+def test_a_lever_that_bends_is_named_where_a_block_of_unknown_stiffness_was_pressed() -> None:
+    """In series its compliance and the block's add up; on the block the position's noise is a force."""
+    plans = study_plans(depths_mm=(0.3, 0.6), **SHORT)
+    blocks = [rigid_plan(depth_mm=0.01 + 3e-4 * i, ramp_speed_mm_s=5.0, **SHORT) for i in range(10)]
+    bent = '[[effects]]\nname = "lever_compliance"\ncompliance_um_per_mn = 0.5\n'
+    trials = bench_trials(LIVING.format(seed=8) + bent, [*blocks, *plans])
+    unknown = [
+        replace(t, specimen=replace(t.specimen, target_stiffness_mn_per_mm=None))
+        if t.kind == "rigid_target"
+        else t
+        for t in trials
+    ]
+    report = _report(diagnose(take_in_memory(unknown), seed=1))
+    assert report.verdict == "named"
+    assert [m.name for m in report.mechanisms] == ["lever_compliance"]
+    found = report.mechanisms[0].parameters["compliance_um_per_mn"]
+    assert abs(found.value - 0.5) < 3.0 * found.se < 0.3

@@ -22,9 +22,9 @@ FloatArray = NDArray[np.float64]
 LOWEST_HZ = 0.15
 COHERENT_S, COHERENT_CYCLES = 3.0, 5.0
 """Where rhythms are looked for they keep their phase and size for so long, and what is quicker for so many cycles."""
-QUICK_HZ = COHERENT_CYCLES / COHERENT_S
-"""A quicker rhythm is a narrow band: noise of the surface with a covariance. A slower one moves the surface by so much
-that skin is touched and left by it, which no covariance holds, and the few shapes that it has are a trial's own."""
+MANY_CYCLES = 6.0
+"""A rhythm that goes round so often in a trial is a narrow band: noise of the surface with a covariance, whose size and
+steadiness its cycles tell. Of a slower one a trial holds too few for that, and the few shapes it has are its own."""
 SPACING = 0.45
 """Of the width of a line: frequencies are looked at so densely."""
 WANDERS = 0.06
@@ -96,8 +96,7 @@ def scan_oscillations(fit: StudyFit) -> OscillationScan:
     """Weigh a surface that oscillates at every frequency, amplitudes integrated out."""
     skin = [j for j, t in enumerate(fit.trials) if t.kind == "ramp_hold_retract"]
     n = len(fit.trials)
-    lengths = [float(fit.trials[j].time_s[-1] - fit.trials[j].time_s[0]) for j in skin]
-    grid = frequency_grid(float(np.median(lengths))) if skin else np.zeros(0)
+    grid = frequency_grid(_length_s(fit)) if skin else np.zeros(0)
     nothing = OscillationScan(-np.inf, np.zeros(n), 0.0, np.zeros(n), 0.0, "", np.zeros(0), grid)
     if not len(grid):
         return nothing
@@ -147,6 +146,12 @@ def scan_oscillations(fit: StudyFit) -> OscillationScan:
     return best
 
 
+def _length_s(fit: StudyFit) -> float:
+    """Return how long a trial on skin lasts, the median, s."""
+    skin = [t.time_s for t in fit.trials if t.kind == "ramp_hold_retract"]
+    return float(np.median([t[-1] - t[0] for t in skin]))
+
+
 def _energies(fit: StudyFit, j: int, frequencies_hz: Sequence[float]) -> list[tuple[FloatArray, FloatArray]]:
     """Return the eigenvalues of each rhythm's information in the j-th trial, and its squared scores along them."""
     trial, projector = fit.trials[j], fit.projectors[j]
@@ -177,12 +182,13 @@ def tuned(fit: StudyFit, j: int, near_hz: float, size_mm: float) -> float:
 def with_oscillation(fit: StudyFit, scan: OscillationScan, name: str) -> StudyFit:
     """Return the fit with every trial's surface free to oscillate about its frequency, while it is touched."""
     states = []
+    is_band = scan.frequency_hz * _length_s(fit) >= MANY_CYCLES
     for j, (trial, state) in enumerate(zip(fit.trials, fit.states, strict=True)):
         if trial.kind != "ramp_hold_retract":
             states.append(state)
             continue
         hz = tuned(fit, j, float(scan.own_hz[j]), scan.size_mm)
-        if scan.frequency_hz > QUICK_HZ:
+        if is_band:
             rhythm = Rhythm(name, hz, scan.size_mm, wanders_s(hz))
             states.append(with_rhythm(trial, state, fit.shared, rhythm))
             continue

@@ -98,7 +98,7 @@ def begun_again(account: Account, name: str, nothing: Account) -> Account:
     stripped = account.exact.stripped(name)
     forms = [t for t in templates(account.fit.trials) if t.name == name]
     if name in account.steps:
-        options = own_options(stripped, name)
+        options = own_options(stripped.quick(), name)
     elif len(forms) > 1:
         options = law_options(stripped, nothing, forms, settled_columns(stripped.fit, forms))
     else:

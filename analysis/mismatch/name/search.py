@@ -167,6 +167,11 @@ def considered(account: Account, nothing: Account) -> tuple[Rival, ...]:
         if any(r.is_nothing for s in refitted.fit.states for r in s.rhythms if r.effect == name):
             continue
         gain, error = refitted.gain_over(account)
+        if name in refitted.steps and refitted.granted - account.granted > (1.0 - KEPT) * gain:
+            # fitted while it was missing, a law may stand for a part of it, and not find back
+            for law in refitted.fit.shared.laws:
+                refitted = begun_again(refitted, law.name, nothing)
+            gain, error = refitted.gain_over(account)
         # a gain below its error is one trial's, at the cost of others; of few trials none can say how exact a law is
         left = left_over(explained, ROUGH if few else max(refitted.inexact, INEXACT))
         if gain < SURE * left and not few:

@@ -15,7 +15,7 @@ from analysis.mismatch.fit.rhythms import followed, with_rhythm
 from analysis.mismatch.fit.whitener import Whitener
 from analysis.mismatch.model.effects import simulate, tissue_force, touches
 from analysis.mismatch.model.rhythm import Rhythm, waves
-from analysis.mismatch.name.oscillations import hat_waves
+from analysis.mismatch.name.oscillations import OscillationScan, hat_waves, with_oscillation
 from analysis.mismatch.study.intake import take_in_memory
 from analysis.recordings.trial import Trial
 from analysis.simulation.response import Steps
@@ -166,3 +166,17 @@ def test_a_rhythm_of_a_narrow_band_is_found_where_it_is_looked_for(
     columns = hat_waves(trial, middle_hz)
     left = surface_mm - columns @ np.linalg.lstsq(columns, surface_mm)[0]
     assert np.std(left) < 0.1 * np.std(surface_mm)
+
+
+@pytest.mark.parametrize(("hz", "is_band"), [(0.3, False), (1.2, True), (8.0, True)])
+def test_what_goes_round_often_in_a_trial_is_a_band(
+    record: Callable[..., list[Trial]], hz: float, is_band: bool
+) -> None:
+    """A pulse is known by its cycles, ten in a trial; a breath has a few shapes of its own in each."""
+    trials = record(45, plans=study_plans(depths_mm=(0.5,), repeats=3, hold_s=6.0, dwell_s=0.4))
+    fit = fit_baseline(take_in_memory(trials).trials)
+    n = len(fit.trials)
+    scan = OscillationScan(100.0, np.ones(n), hz, np.full(n, hz), 0.01, "", np.zeros(0), np.zeros(0))
+    there = with_oscillation(fit, scan, "oscillation")
+    assert all(bool(s.rhythms) is is_band for s in there.states)
+    assert all(bool(len(s.shapes)) is not is_band for s in there.states)

@@ -6,11 +6,16 @@ from types import SimpleNamespace
 from typing import cast
 
 import numpy as np
+import pytest
 
 from analysis.mismatch.evidence.account import Account
+from analysis.mismatch.fit.noise import NoiseModel
 from analysis.mismatch.fit.study_fit import StudyFit
-from analysis.mismatch.model.effects import Law, Shared
-from analysis.mismatch.name.search import Rival, best_first, instead
+from analysis.mismatch.model.effects import TISSUE_SIZE, Law, Shared
+from analysis.mismatch.model.population import Population
+from analysis.mismatch.name import search
+from analysis.mismatch.name.options import Option
+from analysis.mismatch.name.search import Rival, begun_again, best_first, instead
 from analysis.simulation.mechanism import library
 
 
@@ -51,3 +56,21 @@ def test_what_explains_as_much_beside_an_effect_is_no_alternative_to_it() -> Non
     assert instead(step, (arm_beside, drainage_beside)) == (dashpot, drainage)
     # what was not considered again says nothing of it
     assert instead(step, ()) == step
+
+
+def test_an_event_is_begun_again_beside_the_quick_noise(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Slow noise that the event itself had made would hide when it came."""
+    looked_at: list[NoiseModel] = []
+
+    def seen(account: Account, only: str = "") -> list[Option]:
+        assert only == "slip"
+        looked_at.append(account.fit.noise)
+        return []
+
+    monkeypatch.setattr(search, "own_options", seen)
+    monkeypatch.setattr(search, "templates", lambda trials: [])
+    noise = NoiseModel(0.2, ((0.1, 1.0),))
+    fit = StudyFit((), (), noise, Shared(), (), Population.weak(np.zeros(TISSUE_SIZE), 10.0))
+    account = Account(fit, steps={"slip": 0.0})
+    assert begun_again(account, "slip", account) is account
+    assert looked_at == [NoiseModel(0.2)]

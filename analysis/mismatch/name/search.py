@@ -23,6 +23,8 @@ from analysis.mismatch.levels import (
 )
 from analysis.mismatch.model.dictionary import templates
 from analysis.mismatch.name.options import Option, law_options, own_options, worth_trying
+from analysis.mismatch.name.own_sizes import own_sizes
+from analysis.simulation.mechanism import library
 
 
 @dataclass(frozen=True)
@@ -162,9 +164,7 @@ def considered(account: Account, nothing: Account) -> tuple[Rival, ...]:
         if fits is None:
             continue
         option, refitted = fits
-        if any(law.is_nothing for law in refitted.fit.shared.laws if law.name == name):
-            continue
-        if any(r.is_nothing for s in refitted.fit.states for r in s.rhythms if r.effect == name):
+        if is_nothing(refitted, name):
             continue
         gain, error = refitted.gain_over(account)
         if name in refitted.steps and refitted.granted - account.granted > (1.0 - KEPT) * gain:
@@ -181,6 +181,19 @@ def considered(account: Account, nothing: Account) -> tuple[Rival, ...]:
         if gain >= max(option.enough, error, SURE * left) and its_own >= KEPT * gain:
             found.append(Rival(option.name, gain, error, refitted.let_go(), left))
     return best_first(found)
+
+
+def is_nothing(account: Account, name: str) -> bool:
+    """Return whether an effect of an account has no size: a law, a band, or shapes that show no more than is unsure."""
+    fit = account.fit
+    if any(law.is_nothing for law in fit.shared.laws if law.name == name):
+        return True
+    if any(r.is_nothing for s in fit.states for r in s.rhythms if r.effect == name):
+        return True
+    mechanism = library().get(name)
+    if name not in account.steps or mechanism is None or mechanism.form != "oscillation":
+        return False
+    return not own_sizes(account, mechanism)[mechanism.amplitude].value > 0.0
 
 
 def instead(step: tuple[Rival, ...], after: tuple[Rival, ...]) -> tuple[Rival, ...]:
@@ -221,6 +234,7 @@ def pruned(account: Account, newest: Rival) -> tuple[Account, dict[str, float]]:
         if name in account.steps:
             account = _better(account, own_options(without.quick(), name))
         adds[name] = account.gain_over(without)[0]
-        if adds[name] < (ENOUGH_OWN if name in account.steps else ENOUGH_SHARED):
+        enough = ENOUGH_OWN if name in account.steps else ENOUGH_SHARED
+        if adds[name] < enough or is_nothing(account, name):
             account, adds = without, {}
     return account, adds

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 from analysis.mismatch.levels import LEVEL
-from analysis.mismatch.name.finding import Quantity
+from analysis.mismatch.name.own_sizes import Quantity
 from analysis.mismatch.propose.proposal import NextExperiment
 from analysis.mismatch.study.intake import Setting
 

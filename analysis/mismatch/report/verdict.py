@@ -13,7 +13,8 @@ from analysis.mismatch.fit.gram import solve
 from analysis.mismatch.levels import SMALL_SHARE, TOLERANCE_SHARE
 from analysis.mismatch.locate.remainder import Nameless, is_small
 from analysis.mismatch.model.effects import TISSUE_NAMES, TISSUE_SIZE
-from analysis.mismatch.name.finding import SIZE_INEXACT, Finding, Quantity
+from analysis.mismatch.name.finding import Finding
+from analysis.mismatch.name.own_sizes import SIZE_INEXACT, Quantity
 from analysis.mismatch.report import wording
 from analysis.mismatch.report.contents import (
     Comparison,

@@ -9,7 +9,7 @@ import numpy as np
 from analysis.mismatch.levels import FEW_TRIALS, FEWEST_HELD_OUT
 from analysis.mismatch.locate.absorbed import Absorbed
 from analysis.mismatch.model.words import listed, spoken
-from analysis.mismatch.name.finding import Quantity
+from analysis.mismatch.name.own_sizes import Quantity
 from analysis.mismatch.propose.proposal import NextExperiment
 from analysis.mismatch.report.contents import NotIdentifiable, Report, Window
 from analysis.simulation.mechanism import Mechanism, library

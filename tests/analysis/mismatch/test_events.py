@@ -12,7 +12,7 @@ from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.model.effects import OwnShape
 from analysis.mismatch.name.events import EVENTS, SHIFTS_S, bent_shapes, step_shape
-from analysis.mismatch.name.finding import own_sizes
+from analysis.mismatch.name.own_sizes import own_sizes
 from analysis.mismatch.study.intake import take_in_memory
 from analysis.recordings.trial import Trial
 from analysis.simulation.mechanism import library

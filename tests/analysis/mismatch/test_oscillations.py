@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.fit.noise import NoiseModel
 from analysis.mismatch.fit.rhythms import followed, with_rhythm
@@ -16,6 +17,7 @@ from analysis.mismatch.fit.whitener import Whitener
 from analysis.mismatch.model.effects import simulate, tissue_force, touches
 from analysis.mismatch.model.rhythm import Rhythm, waves
 from analysis.mismatch.name.oscillations import OscillationScan, hat_waves, with_oscillation
+from analysis.mismatch.name.search import is_nothing
 from analysis.mismatch.study.intake import take_in_memory
 from analysis.recordings.trial import Trial
 from analysis.simulation.response import Steps
@@ -180,3 +182,16 @@ def test_what_goes_round_often_in_a_trial_is_a_band(
     there = with_oscillation(fit, scan, "oscillation")
     assert all(bool(s.rhythms) is is_band for s in there.states)
     assert all(bool(len(s.shapes)) is not is_band for s in there.states)
+
+
+def test_a_rhythm_that_shows_no_more_than_is_unsure_is_nothing(record: Callable[..., list[Trial]]) -> None:
+    """Its shapes may gain evidence elsewhere; no size of it can be told."""
+    trials = record(45, plans=study_plans(depths_mm=(0.5,), repeats=3, hold_s=6.0, dwell_s=0.4))
+    fit = fit_baseline(take_in_memory(trials).trials)
+    n = len(fit.trials)
+    scan = OscillationScan(100.0, np.ones(n), 0.3, np.full(n, 0.3), 0.01, "", np.zeros(0), np.zeros(0))
+    there = with_oscillation(fit, scan, "respiration")
+    breathing = Account(there, steps={"respiration": 0.0})
+    assert is_nothing(breathing, "respiration")
+    states = (replace(s, coefficients=np.full(len(s.coefficients), 0.01)) for s in there.states)
+    assert not is_nothing(replace(breathing, fit=replace(there, states=tuple(states))), "respiration")

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from analysis.mismatch.name.finding import Quantity
+from analysis.mismatch.name.own_sizes import Quantity
 from analysis.mismatch.report.contents import Comparison, FoundMechanism, Report, Window
 from analysis.mismatch.report.screen import show_report
 

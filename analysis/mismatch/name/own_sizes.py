@@ -1,0 +1,112 @@
+"""How large what comes in each trial anew is: an event or an oscillation, over the trials that have it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.mismatch.evidence.account import Account
+from analysis.mismatch.fit.study_fit import StudyFit
+from analysis.mismatch.levels import INEXACT
+from analysis.mismatch.model.effects import simulate, touches
+from analysis.mismatch.model.rhythm import waves
+from analysis.simulation.mechanism import Mechanism
+
+FloatArray = NDArray[np.float64]
+
+SIZE_INEXACT = INEXACT / np.sqrt(3.0)
+"""Standard deviation of what is anywhere within a tenth: so much a law's effect may be off, in all trials alike."""
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A value with its standard error and unit."""
+
+    value: float
+    se: float
+    unit: str
+
+
+def own_sizes(account: Account, mechanism: Mechanism) -> dict[str, Quantity]:
+    """Return the size of an event or an oscillation: mean over the trials that have it, error from their spread."""
+    each = _shape_sizes(account.fit, mechanism) + _rhythm_sizes(account.fit, mechanism)
+    sizes, errors, places = (list(values) for values in zip(*each, strict=True))
+    unit = 1e3 if mechanism.stage == "specimen" else 1.0
+    values: FloatArray = unit * np.array(sizes)
+    n = len(values)
+    weight, large = np.full(n, 1.0 / n), np.full(n, True)
+    if mechanism.form == "oscillation":
+        value = float(np.sqrt(max(float(np.mean(np.sign(values) * values**2)), 0.0)))
+    else:
+        # each by its own size: the little that other effects leave over may pass for small steps
+        weight = np.abs(values) / max(float(np.abs(values).sum()), 1e-300)
+        size = float(weight @ np.abs(values))
+        large = np.abs(values) >= 0.5 * size
+        signs = np.unique(np.sign(values[large]))
+        value = float(signs[0]) * size if len(signs) == 1 else size
+    off = np.abs(values) - abs(value)
+    spread = float(np.sqrt(weight**2 @ off**2 * n / (n - 1))) if n > 1 else 0.0
+    fitted = unit * float(np.sqrt(np.mean(np.square(errors)) / n))
+    error = float(np.sqrt(spread**2 + fitted**2 + (SIZE_INEXACT * value) ** 2))
+    where = mechanism.parameters[1]
+    found_at = np.array(places)[large]
+    scatter = float(np.std(found_at, ddof=1)) if len(found_at) > 1 else 0.0
+    grid = 0.02 * float(np.median(found_at)) if mechanism.form == "oscillation" else 1e-3
+    return {
+        mechanism.amplitude: Quantity(value, error, mechanism.parameter(mechanism.amplitude).unit),
+        where.name: Quantity(
+            float(np.median(found_at)),
+            float(np.hypot(1.25 * scatter / np.sqrt(len(found_at)), grid)),
+            where.unit,
+        ),
+    }
+
+
+def _shape_sizes(fit: StudyFit, mechanism: Mechanism) -> list[tuple[float, float, float]]:
+    """Return size, its error, and time (s) or frequency (Hz) of an effect's shapes in every trial that has them."""
+    found = []
+    for trial, own, state in zip(fit.trials, fit.own, fit.states, strict=True):
+        mine = [k for k, s in enumerate(state.shapes) if s.effect == mechanism.name and not s.kind]
+        if not mine:
+            continue
+        at = [own.tissue.stop + k for k in mine]
+        c, V = state.coefficients[mine], np.linalg.pinv(own.information, hermitian=True)[np.ix_(at, at)]
+        size, error = float(c[0]), float(np.sqrt(V[0, 0]))
+        if mechanism.form == "oscillation":
+            # a sine has half of its amplitude's square; what the fit is unsure of adds to the square of what was found
+            S = np.array([state.shapes[k].shape for k in mine])
+            shown = trial.counts * touches(trial, state, fit.shared)
+            M = 2.0 * (S * shown) @ S.T / max(float(shown.sum()), 1.0)
+            unsure = float(np.sum(M * V))
+            power = float(c @ M @ c) - unsure
+            size, error = float(np.sign(power) * np.sqrt(abs(power))), float(np.sqrt(unsure))
+        found.append((size, error, state.shapes[mine[0]].at))
+    return found
+
+
+def _rhythm_sizes(fit: StudyFit, mechanism: Mechanism) -> list[tuple[float, float, float]]:
+    """Return amplitude (mm), its error, and frequency (Hz) of a rhythm in every trial: of its sine, without overtones.
+
+    What is left open of it adds to the square of what was found.
+    """
+    found = []
+    for j, (trial, state) in enumerate(zip(fit.trials, fit.states, strict=True)):
+        at = next((k for k, r in enumerate(state.rhythms) if r.effect == mechanism.name), None)
+        if at is None:
+            continue
+        rhythm = state.rhythms[at]
+        left_mn = trial.force_mn - simulate(trial, state, fit.shared)
+        amplitudes = (
+            fit.whiteners[j].amplitudes(left_mn)[at],
+            fit.whiteners[j].left_open(np.random.default_rng(j))[at],
+        )
+        sine_mm = rhythm.size_mm * waves(trial, rhythm.frequency_hz)[:, :2]
+        shown = trial.counts * touches(trial, state, fit.shared)
+        likeliest, unsure = (
+            2.0 * float(shown @ np.sum(A[:, :2] * sine_mm, axis=1) ** 2) / max(float(shown.sum()), 1.0)
+            for A in amplitudes
+        )
+        found.append((float(np.sqrt(likeliest + unsure)), float(np.sqrt(unsure)), rhythm.frequency_hz))
+    return found

@@ -55,7 +55,7 @@ def simulate_force(
     own: PerTrial,
     added: Sequence[tuple[Mechanism, Values]] = (),
     *,
-    rigid_stiffness: float = RIGID_STIFFNESS_MN_PER_MM,
+    rigid_stiffness: float | None = None,
     surface_mm: FloatArray | float = 0.0,
     lost_share: FloatArray | float = 0.0,
     ideal_step: bool = False,
@@ -64,10 +64,13 @@ def simulate_force(
 
     ``added`` are mechanisms with their parameters. ``surface_mm`` (a movement of the skin towards the arm)
     and ``lost_share`` (of the contact's force) carry what has its own time or phase in every trial.
+    ``rigid_stiffness`` (mN/mm) is that of a block, where it is another than the trial states.
     ``ideal_step``: the textbook simplification, in which the indentation of the hold was reached at once at
     the end of the ramp.
     """
     added = [(m, p) for m, p in added if m.applies(trial)]
+    if rigid_stiffness is None:
+        rigid_stiffness = trial.target_stiffness_mn_per_mm or RIGID_STIFFNESS_MN_PER_MM
     if not trial.touches:
         contact = np.zeros_like(trial.time_s)
     else:

@@ -116,3 +116,6 @@ def test_compliance_before_a_rigid_block_is_two_springs_in_series() -> None:
     )
     slope = np.polyfit(x[-50:], force[-50:], 1)[0]
     assert slope == pytest.approx(1.0 / (1.0 / 2e4 + 0.5e-3), rel=1e-3)
+    # a block is as stiff as its trial states, where nothing else is asked for
+    stated = simulate_force(replace(block, target_stiffness_mn_per_mm=3e4), TISSUE, PerTrial(0.0, 0.0))
+    assert np.polyfit(x[-50:], stated[-50:], 1)[0] == pytest.approx(3e4, rel=1e-3)

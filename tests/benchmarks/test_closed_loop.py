@@ -113,3 +113,5 @@ def test_confusable_then_next_then_resolved_then_twin(tmp_path: Path) -> None:
         assert one["value"] == pytest.approx(other["value"], rel=0.02), name
     assert again["verdict"] == first["verdict"]
     assert left == pytest.approx(noise_mn, rel=0.02)
+    # a study's own floor follows what it leaves: nor may that be much above the noise of skin alone
+    assert left["bench"] < 1.04 * noise_mn["twin"]

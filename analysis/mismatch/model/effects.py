@@ -97,6 +97,11 @@ class OwnShapes(tuple[OwnShape, ...]):
         }
 
     @cached_property
+    def block(self) -> int | None:
+        """Where it stands how much more a block gives; None without one."""
+        return next((k for k, shape in enumerate(self) if shape.acts == "block"), None)
+
+    @cached_property
     def sizes(self) -> dict[str, int]:
         """For each law whose size is the trial's own: where its logarithm stands."""
         return {shape.effect: k for k, shape in enumerate(self) if shape.acts == "size"}
@@ -161,10 +166,9 @@ def block_stiffness(trial: CellTrial, state: TrialState, shared: Shared) -> floa
 
     A lever that bends is in series with it: compliances add up.
     """
-    gives = 1.0 + sum(
-        float(c) for c, s in zip(state.coefficients, state.shapes, strict=True) if s.acts == "block"
-    )
-    return (trial.target_stiffness_mn_per_mm or shared.rigid_stiffness) / max(gives, STIFFEST)
+    known = trial.target_stiffness_mn_per_mm or shared.rigid_stiffness
+    at = state.shapes.block
+    return known if at is None else known / max(1.0 + float(state.coefficients[at]), STIFFEST)
 
 
 def delayed(trial: CellTrial, force_mn: FloatArray) -> FloatArray:

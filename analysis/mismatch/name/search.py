@@ -188,8 +188,9 @@ def is_nothing(account: Account, name: str) -> bool:
     fit = account.fit
     if any(law.is_nothing for law in fit.shared.laws if law.name == name):
         return True
-    if any(r.is_nothing for s in fit.states for r in s.rhythms if r.effect == name):
-        return True
+    bands = [r for s in fit.states for r in s.rhythms if r.effect == name]
+    if bands:
+        return any(r.is_nothing for r in bands)
     mechanism = library().get(name)
     if name not in account.steps or mechanism is None or mechanism.form != "oscillation":
         return False

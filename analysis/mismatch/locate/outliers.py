@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +26,8 @@ OFTEN = 0.05
 """What is off more often than that is no outlier."""
 FREEDOMS = (2.5, 5.0, 30.0)
 """Degrees of freedom from which the noise is fitted."""
+AT_BOUND = 0.01
+"""Share of its least deviation by which a part must be beyond it, to be further off than noise."""
 PRICE = 10.0
 """Nats for a size and a rate that were fitted beside the noise's, over a million samples (Schwarz 1978)."""
 
@@ -76,44 +79,56 @@ def tails(off: FloatArray) -> Tails:
     """Weigh that samples (n,) hold some that are further off than noise.
 
     H0: Student's t, any degrees of freedom, with any rarer normal part up to `TAIL` deviations: heavy tails. H1: the
-    same with a rarer part beyond `FAR`. Samples are taken as independent; both are fitted to their counts.
+    same, and beside it a part beyond `FAR`. Samples are taken as independent; both are fitted to their counts.
     """
     counts = np.histogram(np.abs(off), EDGES)[0].astype(np.float64)
     far = np.abs(off)[np.abs(off) > FAR]
     if not far.size:
         return Tails(0.0, 0.0)
-    rare, most = far.size / len(off), 100.0 * float(far.max())
-    noise = min(
-        (_misfit(counts, (f, 1.0, 1e-3, 0.5 * TAIL), (1.0, TAIL)) for f in FREEDOMS), key=lambda m: m[0]
-    )
-    freedom, scale = noise[1][:2]
-    starts = (
-        (freedom, scale, rare, sd)
-        for sd in (2.0 * FAR, float(np.median(far)), float(np.sqrt(np.mean(far**2))))
-    )
-    with_far = min((_misfit(counts, start, (FAR, most)) for start in starts), key=lambda m: m[0])
-    return Tails(noise[0] - with_far[0] - PRICE, float(with_far[1][3]))
+    least = 0.1 / len(off)
+    noise_bounds = [(1.5, 150.0), (0.1, 3.0), (least, OFTEN), (1.0, TAIL)]
+    far_bounds = [(least, OFTEN), (FAR, 100.0 * float(far.max()))]
+    starts = [(freedom, 1.0, 1e-3, 0.5 * TAIL) for freedom in FREEDOMS]
+    noise = _best(counts, starts, noise_bounds)
+    rare = far.size / len(off)
+    sizes = (2.0 * FAR, float(np.median(far)), float(np.sqrt(np.mean(far**2))))
+    # noise that took the far part up has bent its bulk for it
+    beside = [(*parts, rare, sd) for parts in (noise[1], starts[-1]) for sd in sizes]
+    with_far = _best(counts, beside, [*noise_bounds, *far_bounds])
+    far_sd = float(with_far[1][-1])
+    if far_sd <= (1.0 + AT_BOUND) * FAR:
+        # no part of its own: it mends what a t is not right about
+        return Tails(0.0, far_sd)
+    # what noise alone can do is known from there too
+    noise = min(noise, _best(counts, [with_far[1][:-2]], noise_bounds), key=lambda m: m[0])
+    return Tails(noise[0] - with_far[0] - PRICE, far_sd)
 
 
-def _misfit(
-    counts: FloatArray, start: tuple[float, float, float, float], sd: tuple[float, float]
+def _best(
+    counts: FloatArray, starts: Sequence[Sequence[float]], bounds: Sequence[tuple[float, float]]
 ) -> tuple[float, FloatArray]:
-    """Return -ln likelihood of counts under a t with a rarer normal part at its best, and the parameters (4,) there.
+    """Return -ln likelihood of counts under a t with rarer normal parts at its best, and the parameters there.
 
-    They are the t's degrees of freedom and scale, and the rarer part's share and its deviation, between ``sd``.
+    They are the t's degrees of freedom and scale, and each rarer part's share and its deviation.
     """
 
     def misfit(x: FloatArray) -> float:
-        freedom, scale, share, far = np.exp(x)
-        p = (1.0 - share) * -np.diff(t.sf(EDGES / scale, freedom)) + share * -np.diff(norm.sf(EDGES / far))
+        freedom, scale, *parts = np.exp(x)
+        p = (1.0 - sum(parts[::2])) * -np.diff(t.sf(EDGES / scale, freedom))
+        for share, sd in zip(parts[::2], parts[1::2], strict=True):
+            p += share * -np.diff(norm.sf(EDGES / sd))
         return -float(counts @ np.log(np.maximum(2.0 * p, 1e-300)))
 
-    bounds = np.log([(1.5, 150.0), (0.1, 3.0), (0.1 / counts.sum(), OFTEN), sd])
-    found = minimize(
-        misfit,
-        np.clip(np.log(start), bounds[:, 0], bounds[:, 1]),
-        bounds=Bounds(bounds[:, 0], bounds[:, 1]),
-        method="Nelder-Mead",
-        options={"maxiter": 600, "xatol": 1e-3, "fatol": 0.05, "adaptive": True},
-    )
+    within = np.log(bounds)
+    fits = [
+        minimize(
+            misfit,
+            np.clip(np.log(start), within[:, 0], within[:, 1]),
+            bounds=Bounds(within[:, 0], within[:, 1]),
+            method="Nelder-Mead",
+            options={"maxiter": 1000, "xatol": 1e-3, "fatol": 0.05, "adaptive": True},
+        )
+        for start in starts
+    ]
+    found = min(fits, key=lambda fit: float(fit.fun))
     return float(found.fun), np.exp(found.x)

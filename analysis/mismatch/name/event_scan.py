@@ -46,6 +46,7 @@ class EventScan:
     """What all trials say of one kind of step: evidence in nats, share of trials, size, and each trial's own (n,).
 
     ``times_s`` and ``coefficients`` are the most probable time and size (in the unit of the state) of a step there.
+    Where it is what took the skin off a punch that dwells on it, ``gaps_mm`` is by how much.
     """
 
     event: Event
@@ -56,6 +57,7 @@ class EventScan:
     probability: FloatArray
     times_s: FloatArray
     forms: FloatArray
+    gaps_mm: FloatArray
     coefficients: FloatArray
 
 
@@ -108,13 +110,13 @@ def scan_events(fit: StudyFit, events: Sequence[Event] = EVENTS) -> list[EventSc
 def _refined(
     fit: StudyFit, j: int, event: Event, times: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return places (2, G: time and form), norms and weights (2, G), scores (G,), more densely about the best.
+    """Return places (3, G: time, form and gap), norms and weights (2, G), scores (G,), more densely about the best.
 
     All times are looked at with the first form, the others about the best time: which one it is shows where times lie
     no further apart than a step takes.
     """
     spans = at_rest(fit.trials[j], event.phases)
-    places = np.vstack([times, np.zeros(len(times))])
+    places = np.vstack([times, np.zeros(len(times)), gaps_mm(fit, j, event, times)])
     a, c = _scores(fit, j, event, times, 0)
     gap = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
     weight = np.ones(len(times))
@@ -126,7 +128,8 @@ def _refined(
         fine = within(spans, fine)
         for form in forms:
             fine_a, fine_c = _scores(fit, j, event, fine, form)
-            places = np.hstack([places, np.vstack([fine, np.full(len(fine), form)])])
+            here = np.vstack([fine, np.full(len(fine), form), gaps_mm(fit, j, event, fine)])
+            places = np.hstack([places, here])
             # a fine time stands for a smaller part of the trial than a coarse one
             weight = np.concatenate([weight, np.full(len(fine), 0.3 * width / len(event.forms))])
             a, c = np.concatenate([a, fine_a]), np.concatenate([c, fine_c])
@@ -136,19 +139,39 @@ def _refined(
 def _scores(
     fit: StudyFit, j: int, event: Event, times: FloatArray, form: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Return squared norm and score (G,) of a unit step at each time."""
+    """Return squared norm and score (G,) of a unit step at each time.
+
+    Where skin has left the punch a step by one unit shows nothing: it is by the gap and a unit that it left.
+    """
     trial, state = fit.trials[j], fit.states[j]
     own = own_effects(state)
     base = simulate(trial, state, fit.shared, own)
     columns = np.empty((len(base), len(times)))
     acts, rise_s = event.forms[form]
     unit = event.unit * one_unit(event, acts, trial, state, base - state.offset_mn)
+    gaps = gaps_mm(fit, j, event, times)
     for k, time_s in enumerate(times):
         does = event_shape(event, trial, float(time_s), rise_s) * unit
+        if gaps[k] > 0.0:
+            # where the skin is now it is since then
+            does = (gaps[k] + unit) * (1.0 - does / unit)
         columns[:, k] = simulate(trial, state, fit.shared, {**own, acts: own.get(acts, 0.0) + does}) - base
     projector = fit.projectors[j]
     white = projector(columns)
-    return np.einsum("nk,nk->k", white, white), projector.residual @ white
+    scores = projector.residual @ white
+    return np.einsum("nk,nk->k", white, white), np.where(gaps > 0.0, np.maximum(scores, 0.0), scores)
+
+
+def gaps_mm(fit: StudyFit, j: int, event: Event, times: FloatArray) -> FloatArray:
+    """Return how far (G,) the skin is from a punch that dwells, where an event at such times took it away, mm."""
+    trial, state = fit.trials[j], fit.states[j]
+    dwell = trial.in_phase("dwell")
+    if event.one_sided or event.returns or not np.any(dwell):
+        return np.zeros(len(times))
+    surface = own_effects(replace(state, rhythms=())).get("surface", np.zeros(len(dwell)))
+    gap = float(np.min((state.z0_mm - surface - trial.position_mm)[dwell]))
+    inside = (times >= trial.time_s[dwell][0]) & (times <= trial.time_s[dwell][-1])
+    return np.where(inside, max(gap, 0.0), 0.0)
 
 
 def _log_ratio_of_size(a: FloatArray, c: FloatArray, size: float, one_sided: bool) -> FloatArray:
@@ -164,7 +187,7 @@ def _weigh(event: Event, per_trial: Sequence[tuple[FloatArray, FloatArray, Float
     n = len(per_trial)
     norms = [norm for _, a, _ in per_trial if a.size and (norm := float(np.median(a[0]))) > 0.0]
     nothing = EventScan(
-        event, -np.inf, np.zeros(n), 0.0, 0.0, np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
+        event, -np.inf, np.zeros(n), 0.0, 0.0, np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
     )
     if not norms:
         return nothing
@@ -189,18 +212,21 @@ def _weigh(event: Event, per_trial: Sequence[tuple[FloatArray, FloatArray, Float
                     size=size,
                     probability=probability,
                 )
-    times_s, forms, coefficients = np.zeros(n), np.zeros(n), np.zeros(n)
+    most_probable, coefficients = np.zeros((3, n)), np.zeros(n)
     for j, (times, a, c) in enumerate(per_trial):
         if times.size:
             k = int(np.argmax(_log_ratio_of_size(a[0], c, best.size, event.one_sided)))
-            times_s[j], forms[j] = times[:, k]
+            most_probable[:, j] = times[:, k]
             coefficients[j] = event.unit * c[k] / (a[0][k] + 1.0 / best.size**2)
+            if times[2, k] > 0.0:
+                coefficients[j] = -(times[2, k] + coefficients[j])
     return replace(
         best,
         evidence=best.evidence - UNKNOWN_SIZE_AND_SHARE,
         size=best.size * event.unit,
-        times_s=times_s,
-        forms=forms,
+        times_s=most_probable[0],
+        forms=most_probable[1],
+        gaps_mm=most_probable[2],
         coefficients=coefficients,
     )
 
@@ -228,5 +254,8 @@ def with_events(fit: StudyFit, scan: EventScan) -> StudyFit:
             OwnShape(name, acts, bent * unit, size**2, time_s, CREEP)
             for bent in bent_shapes(scan.event, trial, time_s, rise_s)
         ]
-        states.append(state.with_shapes(shapes, float(scan.coefficients[j])))
+        # where a step took the skin away, the contact was nearer before
+        nearer_mm = float(scan.coefficients[j]) if scan.gaps_mm[j] > 0.0 else 0.0
+        there = replace(state, z0_mm=state.z0_mm + nearer_mm)
+        states.append(there.with_shapes(shapes, float(scan.coefficients[j])))
     return replace(fit, states=tuple(states))

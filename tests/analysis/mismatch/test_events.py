@@ -10,8 +10,9 @@ import pytest
 
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.baseline import fit_baseline
-from analysis.mismatch.model.effects import OwnShape
-from analysis.mismatch.name.events import EVENTS, SHIFTS_S, bent_shapes, step_shape
+from analysis.mismatch.model.effects import OwnShape, simulate
+from analysis.mismatch.name.event_scan import scan_events, with_events
+from analysis.mismatch.name.events import EVENTS, SETTLES_S, SHIFTS_S, bent_shapes, step_shape
 from analysis.mismatch.name.own_sizes import own_sizes
 from analysis.mismatch.study.intake import take_in_memory
 from analysis.recordings.trial import Trial
@@ -55,3 +56,32 @@ def test_shifts_to_one_side_are_said_with_their_sign(
         states.append(state.with_shapes([shape], 1e-3 * shift_um))
     found = own_sizes(Account(replace(fit, states=tuple(states))), library()["motion_artefact"])
     assert found["shift_um"].value == pytest.approx(said_um, rel=0.06)
+
+
+def test_a_shift_that_took_the_skin_off_a_dwelling_punch_is_found(record: Callable[..., list[Trial]]) -> None:
+    """Where the skin is since then the punch no longer touches it, and a little nearer it would not either."""
+    plans = study_plans(depths_mm=(0.5,), repeats=4, dwell_s=1.0, hold_s=1.0)
+    fit = fit_baseline(take_in_memory(record(47, plans=plans)).trials)
+    shift = next(e for e in EVENTS if e.name == "motion_artefact")
+    trials = list(fit.trials)
+    trial, state = trials[0], fit.states[0]
+    dwell = trial.in_phase("dwell")
+    at_s = float(np.median(trial.time_s[dwell]))
+    shape = OwnShape(shift.name, "surface", step_shape(trial, at_s, 0.03), 1e-4, at_s)
+    pressed = replace(state, z0_mm=float(trial.position_mm[dwell].max()) - 0.012)
+    shifted = pressed.with_shapes([shape], -0.030)
+    changed_mn = simulate(trial, shifted, fit.shared) - simulate(trial, state, fit.shared)
+    trials[0] = replace(
+        trial,
+        force_mn=trial.force_mn + changed_mn,
+        full_force_mn=trial.full_force_mn + np.interp(trial.full_time_s, trial.time_s, changed_mn),
+        z0_start_mm=pressed.z0_mm + 0.030,
+    )
+    quick = Account(fit_baseline(trials)).quick().fit
+    scan = scan_events(quick, [shift])[0]
+    assert list(scan.probability > 0.5) == [True, False, False, False]
+    assert scan.times_s[0] == pytest.approx(at_s, abs=0.03)
+    found = with_events(quick, scan).with_states().states[0]
+    # the step, and what of it came by and by
+    assert found.coefficients[: 1 + len(SETTLES_S)].sum() == pytest.approx(-0.030, rel=0.05)
+    assert found.z0_mm == pytest.approx(pressed.z0_mm, abs=1e-3)

@@ -100,7 +100,7 @@ def tails(off: FloatArray) -> Tails:
         # no part of its own: it mends what a t is not right about
         return Tails(0.0, far_sd)
     # what noise alone can do is known from there too
-    noise = min(noise, _best(counts, [with_far[1][:-2]], noise_bounds), key=lambda m: m[0])
+    noise = min(noise, _best(counts, [tuple(with_far[1][:-2])], noise_bounds), key=lambda m: m[0])
     return Tails(noise[0] - with_far[0] - PRICE, far_sd)
 
 

@@ -21,7 +21,7 @@ from analysis.mismatch.evidence.inexactness import (
 )
 from analysis.mismatch.fit.baseline import begun_anew, noise_left
 from analysis.mismatch.fit.gram import Grams, gram
-from analysis.mismatch.fit.law_fit import fit_laws, known_beforehand, law_columns
+from analysis.mismatch.fit.law_fit import fit_laws, known_beforehand, law_columns, with_room
 from analysis.mismatch.fit.noise import NoiseModel
 from analysis.mismatch.fit.steadied import steadied
 from analysis.mismatch.fit.study_fit import StudyFit
@@ -65,7 +65,10 @@ class Account:
         """Return the columns (n, K) of `grams` in the j-th trial in mN, the laws' parameters first."""
         fit = self.fit
         trial, effects = fit.trials[j], law_effects(fit, j)
-        of_laws = [law_columns(trial, fit.states[j], fit.shared), sample_columns(trial, effects)]
+        of_laws = [
+            law_columns(trial, fit.states[j], fit.shared) * with_room(fit.shared),
+            sample_columns(trial, effects),
+        ]
         return np.hstack([*of_laws, inexact_columns(trial, effects)] if self.inexact else of_laws)
 
     @property

@@ -132,6 +132,16 @@ def known_beforehand(shared: Shared) -> FloatArray:
     return precision
 
 
+def with_room(shared: Shared) -> FloatArray:
+    """Return one (P,) for every free parameter of laws and the delay, nothing for one that ended at a bound.
+
+    The trials would have it beyond, where it can't go: it takes nothing up that it has left.
+    """
+    parameters = [(p, law.values[p.name]) for law in shared.laws for p in law.parameters]
+    ended = [any(at_ends(p, value)) for p, value in parameters]
+    return 1.0 - np.array([*ended, abs(shared.delay_samples) >= MOST_DELAY_SAMPLES])
+
+
 def fit_laws(fit: StudyFit, rounds: int = ROUNDS) -> StudyFit:
     """Return the fit with its laws' free parameters, the population's mean and all own parameters at their best."""
     precision, centre = law_prior(fit.shared.laws)

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import Bounds, minimize
 
+from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.fit.law_fit import (
     LARGEST_TISSUE_STEP,
@@ -20,6 +21,7 @@ from analysis.mismatch.fit.law_fit import (
     law_columns,
     parameter_scale,
     vector,
+    with_room,
 )
 from analysis.mismatch.fit.own import solved
 from analysis.mismatch.model.effects import TISSUE_SIZE, Law, OwnShape, Shared, simulate
@@ -97,3 +99,21 @@ def test_a_parameter_is_moved_by_enough_to_be_seen_where_the_textbook_has_it(law
         at = min(abs(p.to_fit(null)), 1.0)
         assert STEP * scale > 1e-6 * at
         assert scale > 1e-6
+
+
+def test_what_ended_at_a_bound_takes_up_nothing(record: Callable[..., list[Trial]]) -> None:
+    """It can't go where the trials would have it, and what it would so explain is left for others to explain."""
+    fit = fit_baseline(take_in_memory(record(47)).trials)
+    inertia = library()["arm_inertia"]
+    names = tuple(p.name for p in inertia.parameters)
+    ended = next(p for p in inertia.parameters if p.inner)
+    inside = Law(inertia, {**inertia.null, inertia.amplitude: 0.3}, names)
+    at_end = replace(inside, values={**inside.values, ended.name: ended.lower})
+    place = names.index(ended.name)
+    for law, free in ((inside, 1.0), (at_end, 0.0)):
+        shared = replace(fit.shared, laws=(law,))
+        expected = np.ones(len(names) + 1)
+        expected[place] = free
+        np.testing.assert_array_equal(with_room(shared), expected)
+        column = Account(replace(fit, shared=shared)).columns(0)[:, place]
+        assert bool(np.any(column)) == bool(free)

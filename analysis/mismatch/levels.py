@@ -35,6 +35,9 @@ INEXACT = 0.1
 ROUGH = 0.3
 """And at times to a third only: the recordings choose between exact, a tenth and this."""
 
+UNFORESEEN = INEXACT / 3.0
+"""Share of its size by which a law may be off in a form that the shapes of its inexactness have not."""
+
 SURE = -math.log(LEVEL)
 """Times what the laws before it are expected to leave over that an effect must explain: what they do leave is
 exponential about that, and once in twenty it is more."""

@@ -25,7 +25,7 @@ from analysis.mismatch.fit.law_fit import fit_laws, known_beforehand, law_column
 from analysis.mismatch.fit.noise import NoiseModel
 from analysis.mismatch.fit.steadied import steadied
 from analysis.mismatch.fit.study_fit import StudyFit
-from analysis.mismatch.levels import ENOUGH_SHARED, FEWEST_HELD_OUT, INEXACT, ROUGH
+from analysis.mismatch.levels import FEWEST_HELD_OUT, INEXACT, ROUGH
 from analysis.mismatch.model.effects import Law, OwnShape, OwnShapes, TrialState
 from analysis.mismatch.model.population import OF_SITE
 from analysis.recordings.trial import PHASE_NAMES
@@ -34,8 +34,6 @@ FloatArray = NDArray[np.float64]
 
 SITE_KIND = "site"
 SLOW_S = 0.06
-BETTER = (INEXACT, INEXACT / 3.0)
-"""Shares to which recordings may say that laws are right: to better than the latter none is."""
 
 
 @dataclass(frozen=True)
@@ -185,25 +183,28 @@ class Account:
             return self
         if self.inexact_to(INEXACT).nats <= self.nats:
             return self
-        rough = self.quick().inexact_to(INEXACT)
-        rough = rough.at_noise(noise_left(rough.fit.with_population(1)))
+        rough = self.off_by(INEXACT)
         best = max(rough, rough.inexact_to(ROUGH), key=lambda a: a.nats)
         if best is not rough:
             best = best.at_noise(best.fit.noise)
         granted = best.nats - self.nats
         return replace(best, granted=granted) if granted > 0.0 else self
 
+    def off_by(self, share: float) -> Account:
+        """Return the account with its laws granted to be off by a share, and the noise measured beside that."""
+        if share == self.inexact:
+            return self
+        rough = self.exact.quick().inexact_to(share)
+        return rough.at_noise(noise_left(rough.fit.with_population(1)))
+
+    @cached_property
+    def rough(self) -> Account:
+        """The account with its laws granted to be off by a tenth at least."""
+        return self.off_by(max(self.inexact, INEXACT))
+
     def inexact_to(self, share: float) -> Account:
         """Return the account with its laws granted to be off by a share; what is linear need not be refitted."""
         return replace(self, fit=with_inexactness(self.fit, share), inexact=share)
-
-    @cached_property
-    def most_inexact(self) -> float:
-        """The largest share of their size by which the recordings leave it open that the laws are off."""
-        if self.inexact or not self.fit.shared.laws or len(self.fit.trials) < FEWEST_HELD_OUT:
-            return max(self.inexact, INEXACT)
-        open_to = (s for s in BETTER if self.inexact_to(s).nats > self.nats - ENOUGH_SHARED)
-        return next(open_to, BETTER[-1])
 
     @property
     def exact(self) -> Account:

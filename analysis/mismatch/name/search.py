@@ -20,6 +20,7 @@ from analysis.mismatch.levels import (
     ROUGH,
     SURE,
     TWO_ERRORS,
+    UNFORESEEN,
 )
 from analysis.mismatch.model.dictionary import templates
 from analysis.mismatch.name.options import Option, law_options, own_options, worth_trying
@@ -68,7 +69,7 @@ def search(account: Account) -> Named:
     rivals: dict[str, tuple[Rival, ...]] = {}
     start, adds = account, dict[str, float]()
     while len(account.names) < MOST_EFFECTS:
-        step = considered(account, start)
+        step = considered(account, start, adds)
         if not step:
             break
         best = step[0]
@@ -116,19 +117,18 @@ def _better(account: Account, options: Sequence[Option]) -> Account:
     return max(account, best.granting(), key=lambda a: a.nats)
 
 
-def considered(account: Account, nothing: Account) -> tuple[Rival, ...]:
+def considered(account: Account, nothing: Account, adds: Mapping[str, float]) -> tuple[Rival, ...]:
     """Return the effects worth adding, refitted, best first; none where the best has not enough evidence.
 
-    ``nothing`` is the account without effects: what the present laws gain over it they explain. Right to a tenth they
-    leave a hundredth of that, right to a third a tenth, and what they leave names no other; a law with which they are
-    right was missing. Where the recordings say that they are better than that, they leave less. H0 is that what they
-    leave is exponential about this.
+    ``nothing`` is the account without effects, ``adds`` what each present effect explains, where that is known. What
+    the present laws leave by being off names no other: an effect must gain as much where they are granted to be off,
+    with it and without it. H0 is that what they leave besides is exponential about `left_over`.
 
     Each is weighed with the noise that itself leaves: an effect that was taken for noise would hide itself.
     """
-    explained = account.gain_over(nothing)[0]
     few = len(account.fit.trials) < FEWEST_HELD_OUT
-    least = CLOSE * left_over(explained, account.most_inexact)
+    left = left_over(account, account.gain_over(nothing)[0], adds)
+    least = CLOSE * left
     wanted = templates(account.fit.trials, account.names)
     # what was taken for slow noise is found where none is granted; most of all what comes in each trial anew
     quick = account.quick()
@@ -172,15 +172,22 @@ def considered(account: Account, nothing: Account) -> tuple[Rival, ...]:
             for law in refitted.fit.shared.laws:
                 refitted = begun_again(refitted, law.name, nothing)
             gain, error = refitted.gain_over(account)
-        # a gain below its error is one trial's, at the cost of others; of few trials none can say how exact a law is
-        left = left_over(explained, ROUGH if few else max(refitted.inexact, INEXACT))
-        if gain < SURE * left and not few:
-            left = left_over(explained, refitted.most_inexact)
-        # nor does an effect explain what it gains by granting that laws are off
-        its_own = gain - max(refitted.granted - account.granted, 0.0)
-        if gain >= max(option.enough, error, SURE * left) and its_own >= KEPT * gain:
+        # a gain below its error is one trial's, at the cost of others
+        asked = max(option.enough, error, SURE * left)
+        if gain >= asked and explains_itself(refitted, account, gain, asked):
             found.append(Rival(option.name, gain, error, refitted.let_go(), left))
     return best_first(found)
+
+
+def explains_itself(account: Account, before: Account, gain: float, asked: float) -> bool:
+    """Return whether what an account gains over the one before is not just what laws may be off by.
+
+    The laws before it are granted to be as much off without it as with it. The first law is to be nearly right itself.
+    """
+    if not before.fit.shared.laws or len(account.fit.trials) < FEWEST_HELD_OUT:
+        return gain - max(account.granted - before.granted, 0.0) >= KEPT * gain
+    share = max(account.rough.inexact, before.rough.inexact)
+    return account.rough.off_by(share).gain_over(before.rough.off_by(share))[0] >= asked
 
 
 def is_nothing(account: Account, name: str) -> bool:
@@ -216,9 +223,15 @@ def best_first(found: Sequence[Rival]) -> tuple[Rival, ...]:
     return tuple(sorted(listed, key=lambda r: r is not first))
 
 
-def left_over(explained: float, inexact: float) -> float:
-    """Return the nats that laws which explain so many leave to others by being inexact."""
-    return inexact**2 * explained
+def left_over(account: Account, explained: float, adds: Mapping[str, float]) -> float:
+    """Return the nats that an account's effects, which explain so many, leave to others by being inexact.
+
+    Of few trials none can say how. What comes in each trial anew has no shapes for what it may do besides.
+    """
+    if len(account.fit.trials) < FEWEST_HELD_OUT:
+        return ROUGH**2 * explained
+    own = min(sum(adds.get(name, explained) for name in account.steps), explained)
+    return UNFORESEEN**2 * (explained - own) + INEXACT**2 * own
 
 
 def pruned(account: Account, newest: Rival) -> tuple[Account, dict[str, float]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import cast
 
@@ -11,11 +12,19 @@ import pytest
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.noise import NoiseModel
 from analysis.mismatch.fit.study_fit import StudyFit
+from analysis.mismatch.levels import INEXACT, UNFORESEEN
 from analysis.mismatch.model.effects import TISSUE_SIZE, Law, Shared
 from analysis.mismatch.model.population import Population
 from analysis.mismatch.name import search
 from analysis.mismatch.name.options import Option
-from analysis.mismatch.name.search import Rival, begun_again, best_first, instead
+from analysis.mismatch.name.search import (
+    Rival,
+    begun_again,
+    best_first,
+    explains_itself,
+    instead,
+    left_over,
+)
 from analysis.simulation.mechanism import library
 
 
@@ -74,3 +83,37 @@ def test_an_event_is_begun_again_beside_the_quick_noise(monkeypatch: pytest.Monk
     account = Account(fit, steps={"slip": 0.0})
     assert begun_again(account, "slip", account) is account
     assert looked_at == [NoiseModel(0.2)]
+
+
+def _account(of_trials: list[float], rough_of_trials: list[float]) -> Account:
+    """Return an account of a law that is exact, of which only the evidence is known, and that where it may be off."""
+    accounts = []
+    for evidence in (of_trials, rough_of_trials):
+        account = _rival("force_lag", 1.0, evidence).account
+        accounts.append(
+            replace(account, fit=cast(StudyFit, SimpleNamespace(trials=evidence, shared=account.fit.shared)))
+        )
+        accounts[-1].__dict__["evidence"] = np.array(evidence)
+    accounts[0].__dict__["rough"] = replace(accounts[1], inexact=INEXACT)
+    accounts[0].rough.__dict__["evidence"] = np.array(rough_of_trials)
+    return accounts[0]
+
+
+def test_what_a_law_may_leave_by_being_off_names_no_other() -> None:
+    before = _account([0.0] * 4, [90.0] * 4)
+    # what it explains is explained without it, were the law off by a tenth
+    companion = _account([100.0] * 4, [91.0] * 4)
+    assert not explains_itself(companion, before, 400.0, 25.0)
+    missing = _account([100.0] * 4, [180.0] * 4)
+    assert explains_itself(missing, before, 400.0, 25.0)
+
+
+def test_what_comes_in_each_trial_anew_leaves_more_than_a_law_whose_inexactness_is_granted() -> None:
+    law = _account([0.0] * 4, [0.0] * 4)
+    beside = replace(law, steps={"slip": 5.0})
+    assert left_over(law, 9000.0, {}) == pytest.approx(UNFORESEEN**2 * 9000.0)
+    assert left_over(beside, 9000.0, {"slip": 3000.0}) == pytest.approx(
+        UNFORESEEN**2 * 6000.0 + INEXACT**2 * 3000.0
+    )
+    # what is not known of a step may be all
+    assert left_over(beside, 9000.0, {}) == pytest.approx(INEXACT**2 * 9000.0)

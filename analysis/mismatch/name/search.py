@@ -72,9 +72,13 @@ def search(account: Account) -> Named:
         step = considered(account, start, adds)
         if not step:
             break
-        best = step[0]
-        rivals = {name: instead(before, step) for name, before in rivals.items()} | {best.name: step}
+        best, before = step[0], account
+        rivals = {name: instead(found, step) for name, found in rivals.items()} | {best.name: step}
         account, adds = pruned(begun_again(best.account.settled(), best.name, start), best)
+        if best.name not in account.names and account.nats < before.nats + ENOUGH_SHARED:
+            # it is not needed, and led nowhere
+            account = max(account, before, key=lambda a: a.nats)
+            break
     found = {name: rivals[name] for name in account.names}
     return Named(told_apart(account, found), found, adds)
 
@@ -238,14 +242,15 @@ def pruned(account: Account, newest: Rival) -> tuple[Account, dict[str, float]]:
     """Take out, one by one, what the newest effect and the others make needless; return what the others add, in nats.
 
     What comes in each trial anew is looked for once more: its times were found where the newest was still missing.
+    The newest comes last: it may have done no more than lead the others to where they predict as well without it.
     What was added is not known where something was taken out since.
     """
     adds = {newest.name: newest.gain}
-    for name in account.names:
-        if name == newest.name:
-            continue
+    for name in (*(n for n in account.names if n != newest.name), newest.name):
+        if len(account.names) == 1:
+            break
         without = account.without(name).settled()
-        if name in account.steps:
+        if name in account.steps and name != newest.name:
             account = _better(account, own_options(without.quick(), name))
         adds[name] = account.gain_over(without)[0]
         enough = ENOUGH_OWN if name in account.steps else ENOUGH_SHARED

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import cast
 
@@ -24,6 +24,7 @@ from analysis.mismatch.name.search import (
     explains_itself,
     instead,
     left_over,
+    pruned,
 )
 from analysis.simulation.mechanism import library
 
@@ -117,3 +118,36 @@ def test_what_comes_in_each_trial_anew_leaves_more_than_a_law_whose_inexactness_
     )
     # what is not known of a step may be all
     assert left_over(beside, 9000.0, {}) == pytest.approx(INEXACT**2 * 9000.0)
+
+
+@dataclass(frozen=True)
+class _Evidence:
+    """What is known of accounts of some effects: the evidence of each set of them."""
+
+    names: tuple[str, ...]
+    of: dict[tuple[str, ...], float]
+    steps: tuple[str, ...] = ()
+    fit: SimpleNamespace = field(default_factory=lambda: SimpleNamespace(shared=Shared(), states=()))
+
+    def without(self, name: str) -> _Evidence:
+        return replace(self, names=tuple(n for n in self.names if n != name))
+
+    def settled(self) -> _Evidence:
+        return self
+
+    def gain_over(self, other: _Evidence) -> tuple[float, float]:
+        return self.of[self.names] - self.of[other.names], 0.0
+
+
+@pytest.mark.parametrize(
+    ("alone", "beside", "kept"), [(900.0, 899.0, ("drift",)), (400.0, 900.0, ("drift", "lag"))]
+)
+def test_what_only_led_to_a_better_account_is_taken_out_again(
+    alone: float, beside: float, kept: tuple[str, ...]
+) -> None:
+    """The newest may be needless where the others were led to by it."""
+    account = _Evidence(("drift", "lag"), {("drift",): alone, ("lag",): 100.0, ("drift", "lag"): beside})
+    newest = Rival("lag", 500.0, 1.0, cast(Account, account))
+    found, adds = pruned(cast(Account, account), newest)
+    assert found.names == kept
+    assert adds == ({"drift": 800.0, "lag": 500.0} if "lag" in kept else {})

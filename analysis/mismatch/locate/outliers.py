@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.optimize import Bounds, minimize
-from scipy.stats import norm, t
+from scipy.special import ndtr, stdtr
 
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.locate.transients import NO_BURSTS, Bursts, at_rest, phase_at
@@ -114,9 +114,10 @@ def _best(
 
     def misfit(x: FloatArray) -> float:
         freedom, scale, *parts = np.exp(x)
-        p = (1.0 - sum(parts[::2])) * -np.diff(t.sf(EDGES / scale, freedom))
+        # tails below: what is far out is not lost in the rounding of one
+        p = (1.0 - sum(parts[::2])) * -np.diff(stdtr(freedom, -EDGES / scale))
         for share, sd in zip(parts[::2], parts[1::2], strict=True):
-            p += share * -np.diff(norm.sf(EDGES / sd))
+            p += share * -np.diff(ndtr(-EDGES / sd))
         return -float(counts @ np.log(np.maximum(2.0 * p, 1e-300)))
 
     within = np.log(bounds)

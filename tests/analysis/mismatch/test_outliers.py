@@ -12,7 +12,7 @@ N = 200_000
 """About two trials. Of 300 draws under H0 the largest evidence was none."""
 
 
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None)
 @given(
     st.integers(0, 10**6), st.sampled_from(["normal", "t5", "t2.5", "laplace", "rarely five times as large"])
 )

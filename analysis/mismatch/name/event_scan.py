@@ -116,8 +116,9 @@ def _refined(
     no further apart than a step takes.
     """
     spans = at_rest(fit.trials[j], event.phases)
-    places = np.vstack([times, np.zeros(len(times)), gaps_mm(fit, j, event, times)])
-    a, c = _scores(fit, j, event, times, 0)
+    gaps = gaps_mm(fit, j, event, times)
+    places = np.vstack([times, np.zeros(len(times)), gaps])
+    a, c = _scores(fit, j, event, times, 0, gaps)
     gap = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
     weight = np.ones(len(times))
     promising = float(np.max(c**2 / np.maximum(a, 1e-12))) > PROMISING
@@ -126,10 +127,10 @@ def _refined(
         forms = range(len(event.forms)) if width > FINER[-1] else np.unique(best[1].astype(int))
         fine = np.unique(np.concatenate([b + gap * width * np.linspace(-1.0, 1.0, 6) for b in best[0]]))
         fine = within(spans, fine)
+        gaps = gaps_mm(fit, j, event, fine)
         for form in forms:
-            fine_a, fine_c = _scores(fit, j, event, fine, form)
-            here = np.vstack([fine, np.full(len(fine), form), gaps_mm(fit, j, event, fine)])
-            places = np.hstack([places, here])
+            fine_a, fine_c = _scores(fit, j, event, fine, form, gaps)
+            places = np.hstack([places, np.vstack([fine, np.full(len(fine), form), gaps])])
             # a fine time stands for a smaller part of the trial than a coarse one
             weight = np.concatenate([weight, np.full(len(fine), 0.3 * width / len(event.forms))])
             a, c = np.concatenate([a, fine_a]), np.concatenate([c, fine_c])
@@ -137,9 +138,9 @@ def _refined(
 
 
 def _scores(
-    fit: StudyFit, j: int, event: Event, times: FloatArray, form: int
+    fit: StudyFit, j: int, event: Event, times: FloatArray, form: int, gaps: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return squared norm and score (G,) of a unit step at each time.
+    """Return squared norm and score (G,) of a unit step at each time; ``gaps`` (G,) are by how much skin left, mm.
 
     Where skin has left the punch a step by one unit shows nothing: it is by the gap and a unit that it left.
     """
@@ -149,7 +150,6 @@ def _scores(
     columns = np.empty((len(base), len(times)))
     acts, rise_s = event.forms[form]
     unit = event.unit * one_unit(event, acts, trial, state, base - state.offset_mn)
-    gaps = gaps_mm(fit, j, event, times)
     for k, time_s in enumerate(times):
         does = event_shape(event, trial, float(time_s), rise_s) * unit
         if gaps[k] > 0.0:

@@ -183,7 +183,7 @@ class Account:
             return self
         if self.inexact_to(INEXACT).nats <= self.nats:
             return self
-        rough = self.off_by(INEXACT)
+        rough = self.rough
         best = max(rough, rough.inexact_to(ROUGH), key=lambda a: a.nats)
         if best is not rough:
             best = best.at_noise(best.fit.noise)

@@ -88,16 +88,12 @@ def test_an_event_is_begun_again_beside_the_quick_noise(monkeypatch: pytest.Monk
 
 def _account(of_trials: list[float], rough_of_trials: list[float]) -> Account:
     """Return an account of a law that is exact, of which only the evidence is known, and that where it may be off."""
-    accounts = []
-    for evidence in (of_trials, rough_of_trials):
-        account = _rival("force_lag", 1.0, evidence).account
-        accounts.append(
-            replace(account, fit=cast(StudyFit, SimpleNamespace(trials=evidence, shared=account.fit.shared)))
-        )
-        accounts[-1].__dict__["evidence"] = np.array(evidence)
-    accounts[0].__dict__["rough"] = replace(accounts[1], inexact=INEXACT)
-    accounts[0].rough.__dict__["evidence"] = np.array(rough_of_trials)
-    return accounts[0]
+    shared = _rival("force_lag", 1.0, of_trials).account.fit.shared
+    fit = cast(StudyFit, SimpleNamespace(trials=of_trials, shared=shared))
+    exact, rough = Account(fit), Account(fit, inexact=INEXACT)
+    exact.__dict__.update(evidence=np.array(of_trials), rough=rough)
+    rough.__dict__["evidence"] = np.array(rough_of_trials)
+    return exact
 
 
 def test_what_a_law_may_leave_by_being_off_names_no_other() -> None:

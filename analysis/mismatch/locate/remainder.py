@@ -102,7 +102,7 @@ def remainder_of(account: Account, nothing: Account) -> Remainder:
     quick = account.quick()
     if quick is not account:
         # the shape is looked for where no slow noise is granted; what is left without it is the noise beside it
-        beside = replace(account, fit=_without(account, _shape(quick))).reweighed()
+        beside = replace(account, fit=_without(account, shape_left(quick))).reweighed()
         best = max(best, _common(account, nothing.at_noise(beside.fit.noise)), key=lambda r: r.evidence)
     bursts = find_transients(account.fit)
     if bursts.evidence > best.evidence:
@@ -125,7 +125,8 @@ def find_transients(fit: StudyFit) -> Bursts:
     return max(find_bursts(fit), find_outliers(fit), key=lambda b: b.evidence)
 
 
-def _shape(account: Account) -> CommonShape:
+def shape_left(account: Account) -> CommonShape:
+    """Return the shape that all trials have in common beside an account, its laws right to a tenth."""
     known = replace(account, inexact=account.inexact or INEXACT)
     return common_shape(account.fit, known.columns, known.precision)
 
@@ -143,7 +144,7 @@ def _common(account: Account, bare: Account) -> Remainder:
     """Weigh the remainder by a bare account's noise, its gain over the account at the account's own."""
     same = bare.fit.noise == account.fit.noise
     here = account if same else account.at_noise(bare.fit.noise)
-    left = _shape(here).gain
+    left = shape_left(here).gain
     own = own_evidence(here.fit)[0]
     explained = max(here.gain_over(bare)[0], 0.0)
     lost = here.gain_over(account)[0]

@@ -22,8 +22,9 @@ from analysis.mismatch.levels import (
     TWO_ERRORS,
     UNFORESEEN,
 )
+from analysis.mismatch.locate.remainder import shape_left
 from analysis.mismatch.model.dictionary import templates
-from analysis.mismatch.name.options import Option, law_options, own_options, worth_trying
+from analysis.mismatch.name.options import NAMELESS, Option, law_options, own_options, worth_trying
 from analysis.mismatch.name.own_sizes import own_sizes
 from analysis.simulation.mechanism import library
 
@@ -178,7 +179,11 @@ def considered(account: Account, nothing: Account, adds: Mapping[str, float]) ->
             gain, error = refitted.gain_over(account)
         # a gain below its error is one trial's, at the cost of others
         asked = max(option.enough, error, SURE * left)
-        if gain >= asked and explains_itself(refitted, account, gain, asked):
+        if (
+            gain >= asked
+            and explains_itself(refitted, account, gain, asked)
+            and not stands_for_shape(account, name, gain)
+        ):
             found.append(Rival(option.name, gain, error, refitted.let_go(), left))
     return best_first(found)
 
@@ -192,6 +197,16 @@ def explains_itself(account: Account, before: Account, gain: float, asked: float
         return gain - max(account.granted - before.granted, 0.0) >= KEPT * gain
     share = max(account.rough.inexact, before.rough.inexact)
     return account.rough.off_by(share).gain_over(before.rough.off_by(share))[0] >= asked
+
+
+def stands_for_shape(without: Account, name: str, gain: float) -> bool:
+    """Return whether a rhythm gains no more over an account than a shape that all trials share would in its place.
+
+    A rhythm begins in every trial at another of its moments, and leaves nothing that trials have in common.
+    """
+    mechanism = library().get(name)
+    oscillates = name == NAMELESS or (mechanism is not None and mechanism.form == "oscillation")
+    return oscillates and gain - shape_left(without).gain < KEPT * gain
 
 
 def is_nothing(account: Account, name: str) -> bool:
@@ -254,6 +269,6 @@ def pruned(account: Account, newest: Rival) -> tuple[Account, dict[str, float]]:
             account = _better(account, own_options(without.quick(), name))
         adds[name] = account.gain_over(without)[0]
         enough = ENOUGH_OWN if name in account.steps else ENOUGH_SHARED
-        if adds[name] < enough or is_nothing(account, name):
+        if adds[name] < enough or is_nothing(account, name) or stands_for_shape(without, name, adds[name]):
             account, adds = without, {}
     return account, adds

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import cast
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 from analysis.mismatch.evidence.account import Account
+from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.fit.noise import NoiseModel
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import INEXACT, UNFORESEEN
@@ -25,8 +27,12 @@ from analysis.mismatch.name.search import (
     instead,
     left_over,
     pruned,
+    stands_for_shape,
 )
+from analysis.mismatch.study.intake import take_in_memory
+from analysis.recordings.trial import Trial
 from analysis.simulation.mechanism import library
+from sim_hardware.concealment.offline import study_plans
 
 
 def _rival(name: str, time_constant_s: float, of_trials: list[float]) -> Rival:
@@ -147,3 +153,25 @@ def test_what_only_led_to_a_better_account_is_taken_out_again(
     found, adds = pruned(cast(Account, account), newest)
     assert found.names == kept
     assert adds == ({"drift": 800.0, "lag": 500.0} if "lag" in kept else {})
+
+
+@pytest.mark.parametrize("alike", [True, False], ids=["alike in all trials", "at a moment of its own"])
+def test_a_rhythm_does_not_stand_for_a_shape_that_trials_share(
+    record: Callable[..., list[Trial]], alike: bool
+) -> None:
+    """A pulse is anywhere in its cycle; what is there in every trial alike is another thing."""
+    plans = study_plans(depths_mm=(0.5,), repeats=5, hold_s=2.0)
+    fit = fit_baseline(take_in_memory(record(49, plans=plans)).trials)
+    random = np.random.default_rng(49)
+    trials = []
+    for trial in fit.trials:
+        start_s, stop_s = trial.span_s(np.flatnonzero(trial.in_phase("hold")))
+        u = (trial.time_s - start_s) / (stop_s - start_s)
+        middle = (u >= 0.35) & (u < 0.65)
+        own = np.sin(4.0 * np.pi * trial.time_s + random.uniform(0.0, 2.0 * np.pi))
+        trials.append(replace(trial, force_mn=trial.force_mn + 2.0 * middle * (1.0 if alike else own)))
+    account = Account(replace(fit, trials=tuple(trials)).with_states())
+    gain = 0.5 * account.fit.cost
+    assert stands_for_shape(account, "heartbeat", gain) == alike
+    # a law is what all trials share
+    assert not stands_for_shape(account, "coulomb_friction", gain)

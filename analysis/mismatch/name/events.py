@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,13 +20,19 @@ By nothing else is a drop for which the surface gives way told from a shift away
 """
 STRETCH, BENT = 2.25, 5
 """No step is a straight ramp: within so many of its rises it is a smooth one, and has so many shapes of its own."""
+PULSES_S = tuple(np.geomspace(0.015, 0.36, 12).tolist())
+"""How long what returns takes to its peak: densely, since it begins sharply, and bends little about that."""
+PULSE, BENT_PULSES = 2, (1, 3, 4, 5, 6)
+"""Orders of pulses that return, the one and those by which it may go otherwise: together any that is over in time."""
+LASTS = 15.0
+"""Times of its rise after which no more than a millionth of such a pulse is left."""
 
 
 @dataclass(frozen=True)
 class Event:
     """A kind of step: whether it has one sign only, its unit, and its forms: how it acts and how long it takes (s).
 
-    One that ``returns`` rises, stays and falls for so long each: no law of the library does so.
+    One that ``returns`` is a pulse that rises for so long, and then dies away: no law of the library does so.
     """
 
     name: str
@@ -39,7 +46,7 @@ class Event:
 EVENTS = (
     Event("slip", True, 1.0, tuple((a, r) for a in ("share", "surface") for r in SLIPS_S), ("hold",)),
     Event("motion_artefact", False, 1e-3, tuple(("surface", r) for r in SHIFTS_S), ("dwell", "hold")),
-    Event("transient", False, 1e-3, tuple(("surface", r) for r in SHIFTS_S), ("dwell", "hold"), returns=True),
+    Event("transient", False, 1e-3, tuple(("surface", r) for r in PULSES_S), ("dwell", "hold"), returns=True),
 )
 SETTLES_S = (0.03, 0.5, 3.0)
 CREEP = "creep"
@@ -60,34 +67,51 @@ def step_shape(trial: CellTrial, time_s: float, rise_s: float) -> FloatArray:
 
 
 def event_shape(event: Event, trial: CellTrial, time_s: float, rise_s: float) -> FloatArray:
-    """Return what an event of size 1 does (n,): a step, or a rise and a fall."""
-    if not event.returns:
-        return step_shape(trial, time_s, rise_s)
-    return step_shape(trial, time_s - rise_s, rise_s) - step_shape(trial, time_s + rise_s, rise_s)
+    """Return what an event of size 1 does (n,): a step, or a pulse about its peak."""
+    if event.returns:
+        return np.asarray(pulse_shapes(trial, time_s, rise_s, (PULSE,))[0])
+    return step_shape(trial, time_s, rise_s)
+
+
+def pulse_shapes(trial: CellTrial, peak_s: float, rise_s: float, orders: Sequence[int]) -> FloatArray:
+    """Return pulses (K, n) that are nothing before they begin and die away by and by, as means over cells.
+
+    p_n(r) = (2 r / n)^n e^(n - 2 r), r the time since the beginning in units of the rise: what n + 1 equal lags in
+    a row make of a blow. Together they are Laguerre's functions, of which any pulse is a sum; the
+    second peaks at r = 1.
+    """
+    r = np.linspace(0.0, LASTS, 3001)
+    half = 0.5 * trial.widths_s
+    before, after = (1.0 + (trial.time_s - peak_s + sign * half) / rise_s for sign in (-1.0, 1.0))
+    pulses = [(2.0 * r / n) ** n * np.exp(n - 2.0 * r) for n in orders]
+    return means_over_cells(np.array(pulses), r, before, after)
+
+
+def means_over_cells(shapes: FloatArray, at: FloatArray, before: FloatArray, after: FloatArray) -> FloatArray:
+    """Return the means (K, n) of shapes (K, m), given at places (m,), from each cell's beginning (n,) to its end."""
+    area = np.cumsum(shapes, axis=1) * (at[1] - at[0])
+    return np.array([np.interp(after, at, a) - np.interp(before, at, a) for a in area]) / (after - before)
 
 
 def bent_shapes(event: Event, trial: CellTrial, time_s: float, rise_s: float) -> FloatArray:
-    """Return how an event may go otherwise (BENT, n), as means over cells; each is nothing before and after.
+    """Return how an event may go otherwise (BENT, n), as means over cells; each is nothing before.
 
-    Speeds within -1 < u < 1 are those of a smooth step, (1 - u^2)^2, less the ramp's own, and that times u^k less what
-    would be a step. What returns is at such places instead.
+    Speeds of a step within -1 < u < 1 are those of a smooth one, (1 - u^2)^2, less the ramp's own, and that times u^k
+    less what would be a step: they are nothing after it either. What returns is a sum of pulses.
     """
-    half_s = (1.0 if event.returns else 0.5) * STRETCH * rise_s
+    if event.returns:
+        return pulse_shapes(trial, time_s, rise_s, BENT_PULSES)
+    half_s = 0.5 * STRETCH * rise_s
     u = np.linspace(-1.0, 1.0, 801)
     smooth = (1.0 - u**2) ** 2
-    if event.returns:
-        places = np.array([smooth * u**k for k in range(BENT)])
-    else:
-        ramp = (np.abs(u) < 1.0 / STRETCH).astype(float)
-        speeds = [smooth / smooth.sum() - ramp / ramp.sum()]
-        for k in range(1, BENT):
-            bent = smooth * u**k
-            speeds.append((bent - smooth * bent.sum() / smooth.sum()) / np.abs(bent).sum())
-        places = np.cumsum(speeds, axis=1)
-    area = np.cumsum(places, axis=1) * (u[1] - u[0])
+    ramp = (np.abs(u) < 1.0 / STRETCH).astype(float)
+    speeds = [smooth / smooth.sum() - ramp / ramp.sum()]
+    for k in range(1, BENT):
+        bent = smooth * u**k
+        speeds.append((bent - smooth * bent.sum() / smooth.sum()) / np.abs(bent).sum())
     half = 0.5 * trial.widths_s
     before, after = ((trial.time_s - time_s + sign * half) / half_s for sign in (-1.0, 1.0))
-    return np.array([np.interp(after, u, a) - np.interp(before, u, a) for a in area]) * half_s / (2.0 * half)
+    return means_over_cells(np.cumsum(speeds, axis=1), u, before, after)
 
 
 def one_unit(event: Event, acts: Acts, trial: CellTrial, state: TrialState, force_mn: FloatArray) -> float:

@@ -10,9 +10,11 @@ import pytest
 
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.baseline import fit_baseline
+from analysis.mismatch.levels import ENOUGH_OWN
 from analysis.mismatch.model.effects import OwnShape, simulate
 from analysis.mismatch.name.event_scan import scan_events, with_events
-from analysis.mismatch.name.events import EVENTS, SETTLES_S, SHIFTS_S, bent_shapes, step_shape
+from analysis.mismatch.name.events import EVENTS, SETTLES_S, SHIFTS_S, bent_shapes, event_shape, step_shape
+from analysis.mismatch.name.options import own_options
 from analysis.mismatch.name.own_sizes import own_sizes
 from analysis.mismatch.study.intake import take_in_memory
 from analysis.recordings.trial import Trial
@@ -37,6 +39,36 @@ def test_a_smooth_step_is_one_of_the_forms_bent(record: Callable[..., list[Trial
         left.append(np.abs(surface - columns @ np.linalg.lstsq(columns, surface)[0]).max())
         assert not np.any(bent[:, np.abs(trial.time_s - at_s) > 1.5 * rise_s + 0.02])
     assert min(left) < 0.02
+
+
+@pytest.mark.parametrize("lasts_s", [0.05, 0.1, 0.2, 0.4])
+@pytest.mark.parametrize(
+    "pulse",
+    [
+        lambda u: np.exp(-4.0 * (u - 1.0) ** 2),
+        lambda u: np.where((u > 0.0) & (u < 2.0), np.sin(0.5 * np.pi * np.clip(u, 0.0, 2.0)) ** 2, 0.0),
+        lambda u: 4.0 * (np.exp(-1.5 * np.clip(u, 0.0, None)) - np.exp(-3.0 * np.clip(u, 0.0, None))),
+    ],
+    ids=["as quick to rise as to fall", "over in a moment", "slow to die away"],
+)
+def test_what_moves_and_returns_is_a_sum_of_pulses(
+    record: Callable[..., list[Trial]], pulse: Callable[[np.ndarray], np.ndarray], lasts_s: float
+) -> None:
+    """None of these is one of the pulses; each leaves less than a tenth of itself."""
+    trial = take_in_memory(record(47, plans=study_plans(depths_mm=(0.5,), repeats=1))).trials[0]
+    at_s = float(np.median(trial.time_s[trial.in_phase("hold")]))
+    fine = np.linspace(-0.5, 0.5, 9)
+    since_s = trial.time_s - at_s + np.multiply.outer(fine, trial.counts / trial.sample_rate_hz)
+    surface = pulse(2.0 * since_s / lasts_s).mean(axis=0)
+    event = next(e for e in EVENTS if e.returns)
+    left = []
+    for _, rise_s in event.forms:
+        for peak_s in at_s + lasts_s * np.linspace(0.0, 1.0, 11):
+            bent = bent_shapes(event, trial, peak_s, rise_s)
+            columns = np.vstack([event_shape(event, trial, peak_s, rise_s), bent]).T
+            left.append(np.abs(surface - columns @ np.linalg.lstsq(columns, surface)[0]).max())
+            assert not np.any(columns[trial.time_s < peak_s - rise_s - 0.02])
+    assert min(left) < 0.1 * surface.max()
 
 
 @pytest.mark.parametrize(
@@ -85,3 +117,24 @@ def test_a_shift_that_took_the_skin_off_a_dwelling_punch_is_found(record: Callab
     # the step, and what of it came by and by
     assert found.coefficients[: 1 + len(SETTLES_S)].sum() == pytest.approx(-0.030, rel=0.05)
     assert found.z0_mm == pytest.approx(pressed.z0_mm, abs=1e-3)
+
+
+def test_what_comes_once_and_dies_away_is_no_shift(record: Callable[..., list[Trial]]) -> None:
+    """A twitch that peaks in the hold, a tenth of a second after the ramp, and is over within a second has no name."""
+    plans = study_plans(depths_mm=(0.4, 0.8), repeats=3, dwell_s=0.5, hold_s=6.0)
+    random = np.random.default_rng(50)
+    trials = []
+    for trial in take_in_memory(record(50, plans=plans)).trials:
+        begins_s = trial.time_s[trial.in_phase("ramp")][0] + random.uniform(0.1, 0.15)
+        rise_s, size_mn = 0.15 * random.uniform(0.8, 1.2), 4.0 * random.uniform(3.0, 9.0)
+        force_mn, full_mn = (
+            had_mn + size_mn * (np.exp(-1.5 * u) - np.exp(-3.0 * u))
+            for had_mn, time_s in ((trial.force_mn, trial.time_s), (trial.full_force_mn, trial.full_time_s))
+            for u in [np.maximum(time_s - begins_s, 0.0) / rise_s]
+        )
+        trials.append(replace(trial, force_mn=force_mn, full_force_mn=full_mn.astype(np.float32)))
+    quick = Account(fit_baseline(trials)).quick()
+    twitch, shift = (
+        own_options(quick, name)[0].refit().weighed_anew() for name in ("transient", "motion_artefact")
+    )
+    assert twitch.nats > shift.nats + ENOUGH_OWN

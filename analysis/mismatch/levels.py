@@ -11,11 +11,8 @@ ENOUGH_SHARED = 8.0
 """Held-out evidence for a law: odds of 3000 to 1, which some thirty laws at two settings each share."""
 
 ENOUGH_OWN = 25.0
-"""Evidence for what is fitted in every trial anew: a nat for each of some twenty trials beside the odds of a law,
-since no noise model is right to better."""
-
-ENOUGH_UNKNOWN = 25.0
-"""Evidence for a shape that no law has: as for what is fitted in every trial anew."""
+"""Evidence for what is fitted in every trial anew, and for a shape that no law has: a nat for each of some twenty
+trials beside the odds of a law, since no noise model is right to better."""
 
 CLOSE = 0.3
 """Share of the largest linear evidence from which an effect is refitted: linearised it is wrong by a factor of two."""

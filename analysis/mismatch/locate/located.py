@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from analysis.mismatch.evidence.signflip import flip_test
 from analysis.mismatch.fit.study_fit import StudyFit
-from analysis.mismatch.levels import ENOUGH_UNKNOWN, FEW_TRIALS, LEVEL
+from analysis.mismatch.levels import ENOUGH_OWN, FEW_TRIALS, LEVEL
 from analysis.mismatch.locate.session import Trend
 from analysis.mismatch.locate.transients import Bursts
 from analysis.mismatch.locate.windows import PLACES, own_evidence, window_columns
@@ -95,7 +95,7 @@ def locate(fit: StudyFit, rng: np.random.Generator, *, all_of_them: bool = False
 
 def where_bursts(bursts: Bursts) -> tuple[Located, ...]:
     """Return where bursts lie, if there are any: about the largest."""
-    if not bursts.phase or bursts.evidence <= ENOUGH_UNKNOWN:
+    if not bursts.phase or bursts.evidence <= ENOUGH_OWN:
         return ()
     at, p = bursts.at_s, float(np.exp(-min(bursts.evidence, 700.0)))
     return (Located(bursts.phase, at, at, 0.0, bursts.rms_mn, p, 1.0, common=False, with_depth=False),)

@@ -9,7 +9,7 @@ import numpy as np
 
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.study_fit import StudyFit
-from analysis.mismatch.levels import ENOUGH_UNKNOWN, INEXACT, SMALL_SHARE
+from analysis.mismatch.levels import ENOUGH_OWN, INEXACT, SMALL_SHARE
 from analysis.mismatch.locate.outliers import find_outliers
 from analysis.mismatch.locate.quiet import out_of_contact
 from analysis.mismatch.locate.session import NO_TREND, Trend, find_trend
@@ -43,7 +43,7 @@ class Remainder:
     @property
     def significant(self) -> bool:
         """Whether it is more than noise."""
-        return self.evidence > ENOUGH_UNKNOWN or self.trend.significant
+        return self.evidence > ENOUGH_OWN or self.trend.significant
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis.mismatch.levels import ENOUGH_UNKNOWN
+from analysis.mismatch.levels import ENOUGH_OWN
 from analysis.mismatch.locate.outliers import deviations, tails
 
 N = 200_000
@@ -28,7 +28,7 @@ def test_noise_of_any_tail_holds_no_outliers(seed: int, kind: str) -> None:
         ),
     }[kind]()
     off = deviations(0.2 * noise, np.ones(N, dtype=bool)).off
-    assert tails(off).evidence < ENOUGH_UNKNOWN
+    assert tails(off).evidence < ENOUGH_OWN
 
 
 @pytest.mark.parametrize("tail", [5.0, 100.0])
@@ -38,7 +38,7 @@ def test_sparks_are_told_from_tails(tail: float) -> None:
     sparks = np.zeros(N)
     sparks[random.choice(N, 200, replace=False)] = random.exponential(8.0, 200) * random.choice([-1, 1], 200)
     found = tails(deviations(noise + sparks, np.ones(N, dtype=bool)).off)
-    assert found.evidence > ENOUGH_UNKNOWN
+    assert found.evidence > ENOUGH_OWN
     assert 20 < found.far_sd < 120
 
 
@@ -46,7 +46,7 @@ def test_a_step_is_no_outlier() -> None:
     random = np.random.default_rng(6)
     steps = np.where(np.arange(N) // 1000 % 2, 5.0, 0.0)
     off = deviations(0.2 * random.normal(size=N) + steps, np.ones(N, dtype=bool)).off
-    assert tails(off).evidence < ENOUGH_UNKNOWN
+    assert tails(off).evidence < ENOUGH_OWN
 
 
 def test_sparks_are_told_from_noise_that_is_no_t() -> None:
@@ -56,5 +56,5 @@ def test_sparks_are_told_from_noise_that_is_no_t() -> None:
     sparks = np.zeros(5 * N)
     sparks[random.choice(5 * N, 60, replace=False)] = random.exponential(4.0, 60) * random.choice([-1, 1], 60)
     kept = np.ones(5 * N, dtype=bool)
-    assert tails(deviations(noise + sparks, kept).off).evidence > ENOUGH_UNKNOWN
-    assert tails(deviations(noise, kept).off).evidence < ENOUGH_UNKNOWN
+    assert tails(deviations(noise + sparks, kept).off).evidence > ENOUGH_OWN
+    assert tails(deviations(noise, kept).off).evidence < ENOUGH_OWN

@@ -76,9 +76,8 @@ def event_shape(event: Event, trial: CellTrial, time_s: float, rise_s: float) ->
 def pulse_shapes(trial: CellTrial, peak_s: float, rise_s: float, orders: Sequence[int]) -> FloatArray:
     """Return pulses (K, n) that are nothing before they begin and die away by and by, as means over cells.
 
-    p_n(r) = (2 r / n)^n e^(n - 2 r), r the time since the beginning in units of the rise: what n + 1 equal lags in
-    a row make of a blow. Together they are Laguerre's functions, of which any pulse is a sum; the
-    second peaks at r = 1.
+    p_n(r) = (2 r / n)^n e^(n - 2 r), r the time since the beginning in units of the rise: what n + 1 equal lags in a
+    row make of a blow. Together they are Laguerre's functions, of which any pulse is a sum; the second peaks at r = 1.
     """
     r = np.linspace(0.0, LASTS, 3001)
     half = 0.5 * trial.widths_s

@@ -200,9 +200,9 @@ def explains_itself(account: Account, before: Account, gain: float, asked: float
 
 
 def stands_for_shape(without: Account, name: str, gain: float) -> bool:
-    """Return whether a rhythm gains no more over an account than a shape that all trials share would in its place.
+    """Return whether too little of what a rhythm gains is its own: a shape that all trials share gains the rest.
 
-    A rhythm begins in every trial at another of its moments, and leaves nothing that trials have in common.
+    A rhythm is in every trial at another of its moments, and leaves nothing that trials have in common.
     """
     mechanism = library().get(name)
     oscillates = name == NAMELESS or (mechanism is not None and mechanism.form == "oscillation")

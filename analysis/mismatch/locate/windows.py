@@ -1,4 +1,4 @@
-"""Where simulation and recordings may differ, whatever the reason: windows over the phases, as columns."""
+"""Where simulation and recordings may differ, whatever the reason: windows and courses of the phases, as columns."""
 
 from __future__ import annotations
 
@@ -72,6 +72,24 @@ def window_columns(trial: CellTrial) -> FloatArray:
     return columns
 
 
+def course_columns(trial: CellTrial) -> FloatArray:
+    """Return a piecewise linear course of every phase (n, V): a height at each edge of its windows, 0 in other phases.
+
+    Laws change smoothly within a phase: steps between windows would leave most of what they do.
+    """
+    blocks = []
+    for name, edges in SPLITS.items():
+        block = np.zeros((len(trial.time_s), len(edges)))
+        cells = np.flatnonzero(trial.in_phase(name))
+        if len(cells):
+            start, stop = trial.span_s(cells)
+            u = (trial.time_s[cells] - start) / max(stop - start, 1e-12)
+            for k, height in enumerate(np.eye(len(edges))):
+                block[cells, k] = np.interp(u, edges, height)
+        blocks.append(block)
+    return np.hstack(blocks)
+
+
 @dataclass(frozen=True)
 class CommonShape:
     """A shape that all trials have in common: its gain in nats, held out, and by trial what it adds (n_j,) mN."""
@@ -83,20 +101,20 @@ class CommonShape:
 def common_shape(fit: StudyFit, present: Callable[[int], FloatArray], precision: FloatArray) -> CommonShape:
     """Return the shape that trials have in common beside what is present, whatever it is.
 
-    Every window has a height that is the same in all trials, and one that grows with depth. ``present`` gives the
-    j-th trial's columns (n_j, P) that are there anyway, ``precision`` (P,) what is known of them.
+    The course of every phase has a part that is the same in all trials, and one that grows with depth. ``present``
+    gives the j-th trial's columns (n_j, P) that are there anyway, ``precision`` (P,) what is known of them.
     """
 
     def shapes(trial: CellTrial) -> FloatArray:
-        windows = window_columns(trial)
-        return np.hstack([windows, windows * (trial.depth_mm / trial.study_depth_mm)])
+        course = course_columns(trial)
+        return np.hstack([course, course * (trial.depth_mm / trial.study_depth_mm)])
 
     columns = (np.hstack([present(j), shapes(trial)]) for j, trial in enumerate(fit.trials))
-    P, W = len(precision), 2 * len(PLACES)
+    P, W = len(precision), 2 * sum(map(len, SPLITS.values()))
     norm = gram(fit, columns, np.concatenate([precision, np.ones(W)]))
     total = norm.total()
-    of_windows = np.diag(total)[TISSUE_SIZE + P : TISSUE_SIZE + P + W]
-    typical = float(np.median(of_windows[of_windows > 0]))
+    of_course = np.diag(total)[TISSUE_SIZE + P : TISSUE_SIZE + P + W]
+    typical = float(np.median(of_course[of_course > 0]))
     before = predictive_deviance(norm, range(P))
     best, heights = -np.inf, np.zeros(W)
     for size in SIZES:

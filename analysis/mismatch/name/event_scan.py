@@ -61,17 +61,17 @@ class EventScan:
     coefficients: FloatArray
 
 
-def at_rest(trial: CellTrial, phases: Sequence[str]) -> FloatArray:
-    """Return from when to when (P, 2) a step may lie in each phase, s.
+def at_rest(trial: CellTrial, phases: Sequence[str], lasts_s: float = 0.0) -> FloatArray:
+    """Return from when to when (P, 2) the middle of a step that lasts so long may lie in each phase, s.
 
-    It must be seen to stay: at the very end of a phase it is one of the motion that follows.
+    It must be seen to stay: what goes on at the very end of a phase is one of the motion that follows.
     """
     spans = []
     for name in phases:
         cells = np.flatnonzero(trial.in_phase(name))
         if len(cells) > 4:
             first, last = trial.time_s[cells[[2, -3]]]
-            spans.append((first, last - AFTER * (last - first)))
+            spans.append((first + 0.5 * lasts_s, last - max(AFTER * (last - first), 0.5 * lasts_s)))
     return np.array(spans).reshape(-1, 2)
 
 
@@ -115,7 +115,6 @@ def _refined(
     All times are looked at with the first form, the others about the best time: which one it is shows where times lie
     no further apart than a step takes.
     """
-    spans = at_rest(fit.trials[j], event.phases)
     gaps = gaps_mm(fit, j, event, times)
     places = np.vstack([times, np.zeros(len(times)), gaps])
     a, c = _scores(fit, j, event, times, 0, gaps)
@@ -125,10 +124,12 @@ def _refined(
     for width in FINER if promising else ():
         best = places[:, np.argsort(-(c**2) / np.maximum(a, 1e-12))[: REFINED if width > 0.1 else 1]]
         forms = range(len(event.forms)) if width > FINER[-1] else np.unique(best[1].astype(int))
-        fine = np.unique(np.concatenate([b + gap * width * np.linspace(-1.0, 1.0, 6) for b in best[0]]))
-        fine = within(spans, fine)
-        gaps = gaps_mm(fit, j, event, fine)
+        about = np.unique(np.concatenate([b + gap * width * np.linspace(-1.0, 1.0, 6) for b in best[0]]))
         for form in forms:
+            # what returns may begin in a motion, and is seen to be over
+            lasts_s = 0.0 if event.returns else event.forms[form][1]
+            fine = within(at_rest(fit.trials[j], event.phases, lasts_s), about)
+            gaps = gaps_mm(fit, j, event, fine)
             fine_a, fine_c = _scores(fit, j, event, fine, form, gaps)
             places = np.hstack([places, np.vstack([fine, np.full(len(fine), form), gaps])])
             # a fine time stands for a smaller part of the trial than a coarse one

@@ -71,6 +71,27 @@ def test_what_moves_and_returns_is_a_sum_of_pulses(
     assert min(left) < 0.1 * surface.max()
 
 
+@pytest.mark.parametrize("before_ramp_s", [-0.03, 0.0, 0.03])
+def test_what_goes_on_while_the_punch_moves_is_no_step_of_skin_at_rest(
+    record: Callable[..., list[Trial]], before_ramp_s: float
+) -> None:
+    """A slow shift whose middle lies in the dwell would otherwise stand for whatever bends the ramp after it."""
+    trials = record(51, plans=study_plans(depths_mm=(0.3, 0.7), repeats=2, hold_s=1.0))
+    fit = fit_baseline(take_in_memory(trials).trials)
+    shift = next(e for e in EVENTS if e.name == "motion_artefact")
+    bent = []
+    for trial, state in zip(fit.trials, fit.states, strict=True):
+        at_s = trial.time_s[trial.in_phase("ramp")][0] - before_ramp_s
+        moved_mn = simulate(trial, state, fit.shared, {"surface": 0.03 * step_shape(trial, at_s, 0.24)})
+        bent.append(replace(trial, force_mn=moved_mn))
+    (found,) = scan_events(replace(fit, trials=tuple(bent)).with_states(), [shift])
+    for j, trial in enumerate(fit.trials):
+        rise_s = shift.forms[int(found.forms[j])][1]
+        begins_s, ends_s = found.times_s[j] - 0.5 * rise_s, found.times_s[j] + 0.5 * rise_s
+        spans = [trial.time_s[trial.in_phase(phase)][[0, -1]] for phase in shift.phases]
+        assert any(first <= begins_s and ends_s <= last for first, last in spans)
+
+
 @pytest.mark.parametrize(
     ("shifts_um", "said_um"),
     [((-12.0, -13.0, -12.5), -12.5), ((-12.0, -13.0, 0.5), -12.5), ((12.0, -13.0, 12.5), 12.5)],

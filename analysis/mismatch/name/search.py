@@ -24,7 +24,7 @@ from analysis.mismatch.levels import (
 )
 from analysis.mismatch.locate.remainder import shape_left
 from analysis.mismatch.model.dictionary import templates
-from analysis.mismatch.name.options import NAMELESS, Option, law_options, own_options, worth_trying
+from analysis.mismatch.name.options import Option, law_options, own_options, worth_trying
 from analysis.mismatch.name.own_sizes import own_sizes
 from analysis.simulation.mechanism import library
 
@@ -182,7 +182,7 @@ def considered(account: Account, nothing: Account, adds: Mapping[str, float]) ->
         if (
             gain >= asked
             and explains_itself(refitted, account, gain, asked)
-            and not stands_for_shape(account, name, gain)
+            and not (name in refitted.steps and stands_for_shape(account, gain))
         ):
             found.append(Rival(option.name, gain, error, refitted.let_go(), left))
     return best_first(found)
@@ -199,14 +199,12 @@ def explains_itself(account: Account, before: Account, gain: float, asked: float
     return account.rough.off_by(share).gain_over(before.rough.off_by(share))[0] >= asked
 
 
-def stands_for_shape(without: Account, name: str, gain: float) -> bool:
-    """Return whether too little of what a rhythm gains is its own: a shape that all trials share gains the rest.
+def stands_for_shape(without: Account, gain: float) -> bool:
+    """Return whether too little of what comes in each trial anew is its own: a shape that all share gains the rest.
 
-    A rhythm is in every trial at another of its moments, and leaves nothing that trials have in common.
+    A rhythm is in every trial at another of its moments, a step at another time: they leave nothing in common.
     """
-    mechanism = library().get(name)
-    oscillates = name == NAMELESS or (mechanism is not None and mechanism.form == "oscillation")
-    return oscillates and gain - shape_left(without).gain < KEPT * gain
+    return gain - shape_left(without).gain < KEPT * gain
 
 
 def is_nothing(account: Account, name: str) -> bool:
@@ -268,7 +266,8 @@ def pruned(account: Account, newest: Rival) -> tuple[Account, dict[str, float]]:
         if name in account.steps and name != newest.name:
             account = _better(account, own_options(without.quick(), name))
         adds[name] = account.gain_over(without)[0]
-        enough = ENOUGH_OWN if name in account.steps else ENOUGH_SHARED
-        if adds[name] < enough or is_nothing(account, name) or stands_for_shape(without, name, adds[name]):
+        anew = name in account.steps
+        needless = adds[name] < (ENOUGH_OWN if anew else ENOUGH_SHARED) or is_nothing(account, name)
+        if needless or (anew and stands_for_shape(without, adds[name])):
             account, adds = without, {}
     return account, adds

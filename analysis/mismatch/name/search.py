@@ -156,19 +156,12 @@ def considered(account: Account, nothing: Account, adds: Mapping[str, float]) ->
         best = max((r.gain for r in found), default=0.0)
         if not few and name not in taken_up and largest[name] < CLOSE * best:
             continue
-        # a wander of any size makes likely whatever is left: who explains something leaves less than there was
-        most_mn = (1.0 + INEXACT) * account.fit.left_mn
-        exact = ((option, option.refit().weighed_anew()) for option in options[name])
+        exact = (option.refit().weighed_anew() for option in options[name])
+        refitted = max(exact, key=lambda a: a.nats)
         # nor are its laws granted to be off, where no more than half of a gain may come of that
-        refits = (
-            (o, r.granting())
-            for o, r in exact
-            if few or r.nats - account.of_exact_laws >= KEPT * CLOSE * best
-        )
-        fits = next(((o, r) for o, r in refits if r.fit.left_mn <= most_mn), None)
-        if fits is None:
+        if not few and refitted.nats - account.of_exact_laws < KEPT * CLOSE * best:
             continue
-        option, refitted = fits
+        refitted = refitted.granting()
         if is_nothing(refitted, name):
             continue
         gain, error = refitted.gain_over(account)
@@ -178,13 +171,13 @@ def considered(account: Account, nothing: Account, adds: Mapping[str, float]) ->
                 refitted = begun_again(refitted, law.name, nothing)
             gain, error = refitted.gain_over(account)
         # a gain below its error is one trial's, at the cost of others
-        asked = max(option.enough, error, SURE * left)
+        asked = max(options[name][0].enough, error, SURE * left)
         if (
             gain >= asked
             and explains_itself(refitted, account, gain, asked)
             and not (name in refitted.steps and stands_for_shape(account, gain))
         ):
-            found.append(Rival(option.name, gain, error, refitted.let_go(), left))
+            found.append(Rival(name, gain, error, refitted.let_go(), left))
     return best_first(found)
 
 

@@ -174,3 +174,16 @@ def test_what_comes_in_each_trial_anew_does_not_stand_for_a_shape_that_all_share
     account = Account(replace(fit, trials=tuple(trials)).with_states())
     gain = 0.5 * account.fit.cost
     assert stands_for_shape(account, gain) == alike
+
+
+def test_a_law_may_leave_more_than_there_was(record: Callable[..., list[Trial]]) -> None:
+    """Beside an adhesion that was missing the tissue took a drift of 2 mN up; it gives it back when that is there."""
+    effects = "".join(
+        f'[[effects]]\nname = "{n}"\n{size}\n'
+        for n, size in (("adhesion", "pull_off_mn = 3.0"), ("force_drift", "rate_mn_per_s = 0.2"))
+    )
+    plans = study_plans(depths_mm=(0.3, 0.7), repeats=4, hold_s=5.0, dwell_s=1.0)
+    account = Account(fit_baseline(take_in_memory(record(52, effects, plans)).trials))
+    first = search.considered(account, account, {})[0]
+    assert first.name == "adhesion"
+    assert first.account.fit.left_mn > 1.1 * account.fit.left_mn

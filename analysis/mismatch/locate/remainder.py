@@ -50,7 +50,8 @@ class Remainder:
 class Nameless:
     """What effects explain that no mechanism names: their share of all evidence, and their rms force, mN.
 
-    The force is that of the phase in which it is largest, over all trials. ``by_name`` is the account of what has one.
+    The force is what nothing else explains, in the phase in which it is largest, over all trials. ``by_name`` is the
+    account of what has a name.
     """
 
     share: float
@@ -68,15 +69,15 @@ def nameless_of(account: Account, nothing: Account, named: Sequence[str]) -> Nam
 
     ``nothing`` is the account without effects at that noise.
     """
-    without = bare = account
+    without = account
     for name in (n for n in account.names if n not in named):
-        without, bare = without.without(name), bare.stripped(name)
+        without = without.without(name)
     if without is account:
         return Nameless(0.0, 0.0, account)
     squares, samples = np.zeros(len(PHASE_NAMES)), np.zeros(len(PHASE_NAMES))
     for j, trial in enumerate(account.fit.trials):
         inside = trial.phase >= 0
-        change = account.fit.force_mn(j) - bare.fit.force_mn(j)
+        change = account.fit.force_mn(j) - without.fit.force_mn(j)
         squares += np.bincount(trial.phase[inside], (trial.counts * change**2)[inside], len(PHASE_NAMES))
         samples += np.bincount(trial.phase[inside], trial.counts[inside], len(PHASE_NAMES))
     explained = max(account.gain_over(nothing)[0], 1e-12)

@@ -36,8 +36,9 @@ def test_what_has_no_name_is_told_by_its_share_and_its_force(
     account = Account(replace(twitching, states=tuple(states)).with_states(), steps={"transient": 0.0})
     found = nameless_of(account, nothing, [])
     assert found.share == pytest.approx(1.0, abs=0.05)
-    # rms of a Gaussian of 0.05 s over a hold of 1 s
-    assert found.rms_mn == pytest.approx(size_mn * np.sqrt(np.sqrt(np.pi) * 0.05), rel=0.1)
+    # rms of a Gaussian of 0.05 s over a hold of 1 s, of which tissue that is fitted without it takes a part up
+    rms_mn = size_mn * np.sqrt(np.sqrt(np.pi) * 0.05)
+    assert 0.5 * rms_mn < found.rms_mn < rms_mn
     assert not is_small(found.share, found.rms_mn, 10.0)
     # with a name it is none of this
     assert nameless_of(account, nothing, ["transient"]) == Nameless(0.0, 0.0, account)

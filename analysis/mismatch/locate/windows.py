@@ -14,10 +14,10 @@ from analysis.mismatch.evidence.marginal import log_ratio
 from analysis.mismatch.fit.gram import gram, solve
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.model.effects import TISSUE_SIZE
-from analysis.recordings.trial import PHASE_NAMES
 from analysis.simulation.cells import CellTrial
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
 
 SPLITS: dict[str, tuple[float, ...]] = {
     "approach": (0.0, 0.5, 1.0),
@@ -43,9 +43,9 @@ class Place:
 
     def span(self, trial: CellTrial) -> tuple[float, float] | None:
         """Return when the window begins and ends in a trial (s from its first sample); None where it has none."""
-        if self.phase not in PHASE_NAMES or not np.any(trial.in_phase(self.phase)):
-            return None
         cells = np.flatnonzero(trial.in_phase(self.phase))
+        if not len(cells):
+            return None
         a, b = trial.span_s(cells)
         return a + self.begin * (b - a), a + self.end * (b - a)
 
@@ -55,20 +55,22 @@ PLACES = tuple(
 )
 
 
+def shares_of_phase(trial: CellTrial, phase: str) -> tuple[IntArray, FloatArray]:
+    """Return a phase's cells (m,), and what share (m,) of it is over in the middle of each."""
+    cells = np.flatnonzero(trial.in_phase(phase))
+    if not len(cells):
+        return cells, np.zeros(0)
+    start, stop = trial.span_s(cells)
+    return cells, (trial.time_s[cells] - start) / max(stop - start, 1e-12)
+
+
 def window_columns(trial: CellTrial) -> FloatArray:
-    """Return what share (n, W) of every cell lies in each window."""
+    """Return which cells (n, W) lie in each window."""
     columns = np.zeros((len(trial.time_s), len(PLACES)))
-    for name in SPLITS:
-        if name not in PHASE_NAMES:
-            continue
-        cells = np.flatnonzero(trial.in_phase(name))
-        if not len(cells):
-            continue
-        start, stop = trial.span_s(cells)
-        u = (trial.time_s[cells] - start) / max(stop - start, 1e-12)
-        for k, place in enumerate(PLACES):
-            if place.phase == name:
-                columns[cells, k] = (u >= place.begin) & (u < place.end)
+    shares = {phase: shares_of_phase(trial, phase) for phase in SPLITS}
+    for k, place in enumerate(PLACES):
+        cells, u = shares[place.phase]
+        columns[cells, k] = (u >= place.begin) & (u < place.end)
     return columns
 
 
@@ -78,14 +80,11 @@ def course_columns(trial: CellTrial) -> FloatArray:
     Laws change smoothly within a phase: steps between windows would leave most of what they do.
     """
     blocks = []
-    for name, edges in SPLITS.items():
+    for phase, edges in SPLITS.items():
         block = np.zeros((len(trial.time_s), len(edges)))
-        cells = np.flatnonzero(trial.in_phase(name))
-        if len(cells):
-            start, stop = trial.span_s(cells)
-            u = (trial.time_s[cells] - start) / max(stop - start, 1e-12)
-            for k, height in enumerate(np.eye(len(edges))):
-                block[cells, k] = np.interp(u, edges, height)
+        cells, u = shares_of_phase(trial, phase)
+        for k, height in enumerate(np.eye(len(edges))):
+            block[cells, k] = np.interp(u, edges, height)
         blocks.append(block)
     return np.hstack(blocks)
 

@@ -121,14 +121,15 @@ def _refined(
     gap = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
     weight = np.ones(len(times))
     promising = float(np.max(c**2 / np.maximum(a, 1e-12))) > PROMISING
+    # what returns may begin in a motion, and is seen to be over
+    lasts_s = [0.0 if event.returns else rise_s for _, rise_s in event.forms]
+    spans = [at_rest(fit.trials[j], event.phases, s) for s in lasts_s] if promising else []
     for width in FINER if promising else ():
         best = places[:, np.argsort(-(c**2) / np.maximum(a, 1e-12))[: REFINED if width > 0.1 else 1]]
         forms = range(len(event.forms)) if width > FINER[-1] else np.unique(best[1].astype(int))
         about = np.unique(np.concatenate([b + gap * width * np.linspace(-1.0, 1.0, 6) for b in best[0]]))
         for form in forms:
-            # what returns may begin in a motion, and is seen to be over
-            lasts_s = 0.0 if event.returns else event.forms[form][1]
-            fine = within(at_rest(fit.trials[j], event.phases, lasts_s), about)
+            fine = within(spans[form], about)
             gaps = gaps_mm(fit, j, event, fine)
             fine_a, fine_c = _scores(fit, j, event, fine, form, gaps)
             places = np.hstack([places, np.vstack([fine, np.full(len(fine), form), gaps])])

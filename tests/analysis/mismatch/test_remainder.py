@@ -19,16 +19,20 @@ from sim_hardware.concealment.offline import study_plans
 
 
 @pytest.mark.parametrize("size_mn", [0.2, 2.0])
+@pytest.mark.parametrize(
+    ("hz", "least", "most"), [(0.0, 0.5, 1.0), (10.0, 0.9, 1.1)], ids=["slow", "too quick for any tissue"]
+)
 def test_what_has_no_name_is_told_by_its_share_and_its_force(
-    record: Callable[..., list[Trial]], size_mn: float
+    record: Callable[..., list[Trial]], size_mn: float, hz: float, least: float, most: float
 ) -> None:
+    """Of what is slow, tissue that is fitted without it takes a part up."""
     fit = fit_baseline(
         take_in_memory(record(48, plans=study_plans(depths_mm=(0.5,), repeats=4, hold_s=1.0))).trials
     )
     trials, states = [], []
     for trial, state in zip(fit.trials, fit.states, strict=True):
         held_s = trial.time_s - np.median(trial.time_s[trial.in_phase("hold")])
-        twitch = np.exp(-0.5 * (held_s / 0.05) ** 2)
+        twitch = np.exp(-0.5 * (held_s / 0.05) ** 2) * np.cos(2.0 * np.pi * hz * held_s)
         trials.append(replace(trial, force_mn=trial.force_mn + size_mn * twitch))
         states.append(state.with_shapes([OwnShape("transient", "force", twitch, 1.0)], size_mn))
     twitching = replace(fit, trials=tuple(trials))
@@ -36,9 +40,9 @@ def test_what_has_no_name_is_told_by_its_share_and_its_force(
     account = Account(replace(twitching, states=tuple(states)).with_states(), steps={"transient": 0.0})
     found = nameless_of(account, nothing, [])
     assert found.share == pytest.approx(1.0, abs=0.05)
-    # rms of a Gaussian of 0.05 s over a hold of 1 s, of which tissue that is fitted without it takes a part up
-    rms_mn = size_mn * np.sqrt(np.sqrt(np.pi) * 0.05)
-    assert 0.5 * rms_mn < found.rms_mn < rms_mn
+    # rms of a Gaussian of 0.05 s, and of a wave beneath it, over a hold of 1 s
+    rms_mn = size_mn * np.sqrt((0.5 if hz else 1.0) * np.sqrt(np.pi) * 0.05)
+    assert least * rms_mn < found.rms_mn < most * rms_mn
     assert not is_small(found.share, found.rms_mn, 10.0)
     # with a name it is none of this
     assert nameless_of(account, nothing, ["transient"]) == Nameless(0.0, 0.0, account)

@@ -31,7 +31,7 @@ WANDERS = 0.06
 """A body's rhythm differs by so much between trials."""
 SIZES = np.geomspace(3.0, 3e3, 9)
 UNKNOWN_SIZE = 1.5
-HARMONIC = "harmonic"
+HARMONIC, WANDERING = "harmonic", "wandering"
 TUNED, TUNED_SHARE = 15, 0.15
 """Frequencies tried about a scanned one, no further away than this share of it."""
 
@@ -192,14 +192,31 @@ def with_oscillation(fit: StudyFit, scan: OscillationScan, name: str) -> StudyFi
             rhythm = Rhythm(name, hz, scan.size_mm, wanders_s(hz))
             states.append(with_rhythm(trial, state, fit.shared, rhythm))
             continue
-        touching = touches(trial, state, fit.shared)
-        shapes = [
-            OwnShape(
-                name, "surface", w, (share * scan.size_mm) ** 2, number * hz, HARMONIC if number > 1 else ""
-            )
-            for number, share in overtones(hz).items()
-            for w in hat_waves(trial, hz, number).T
-            if np.any(w[touching])
-        ]
+        shapes = _slow_shapes(trial, touches(trial, state, fit.shared), name, hz, scan.size_mm)
         states.append(state.with_shapes(shapes))
     return replace(fit, states=tuple(states)).weighed_by(fit.noise)
+
+
+def _slow_shapes(
+    trial: CellTrial, touching: NDArray[np.bool_], name: str, hz: float, size_mm: float
+) -> list[OwnShape]:
+    """Return the shapes of a rhythm of few cycles, which is there while the surface is touched.
+
+    One that hat functions leave steady still wanders: by a share of `WANDERS` quicker or slower it is ahead or behind
+    by 2 pi f T WANDERS / 2 at either end of the T in which it shows, and its size may go with time by as much.
+    """
+    shapes = [
+        OwnShape(name, "surface", w, (share * size_mm) ** 2, number * hz, HARMONIC if number > 1 else "")
+        for number, share in overtones(hz).items()
+        for w in hat_waves(trial, hz, number).T
+        if np.any(w[touching])
+    ]
+    steady = hat_waves(trial, hz)
+    if steady.shape[1] > 2 or np.count_nonzero(touching) < 2:
+        return shapes
+    first_s, last_s = trial.time_s[touching][[0, -1]]
+    ends = np.pi * hz * (last_s - first_s) * WANDERS
+    from_middle = (2.0 * trial.time_s - first_s - last_s) / (last_s - first_s)
+    return shapes + [
+        OwnShape(name, "surface", w * from_middle, (ends * size_mm) ** 2, hz, WANDERING) for w in steady.T
+    ]

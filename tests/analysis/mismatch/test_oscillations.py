@@ -195,3 +195,21 @@ def test_a_rhythm_that_shows_no_more_than_is_unsure_is_nothing(record: Callable[
     assert is_nothing(breathing, "respiration")
     states = (replace(s, coefficients=np.full(len(s.coefficients), 0.01)) for s in there.states)
     assert not is_nothing(replace(breathing, fit=replace(there, states=tuple(states))), "respiration")
+
+
+def test_a_breath_of_one_cycle_wanders_within_its_trial(record: Callable[..., list[Trial]]) -> None:
+    """It is 4 % quicker than where it was found, and swells by a tenth: its shapes follow both."""
+    trials = record(45, plans=study_plans(depths_mm=(0.5,), repeats=3, hold_s=3.0, dwell_s=0.4))
+    fit = fit_baseline(take_in_memory(trials).trials)
+    n = len(fit.trials)
+    scan = OscillationScan(100.0, np.ones(n), 0.25, np.full(n, 0.25), 0.01, "", np.zeros(0), np.zeros(0))
+    there = with_oscillation(fit, scan, "respiration")
+    for trial, state in zip(there.trials, there.states, strict=True):
+        touching = touches(trial, state, there.shared)
+        mine = [s for s in state.shapes if s.kind != "harmonic"]
+        t = trial.time_s[touching]
+        swelling = 1.0 + 0.1 * (t - t[0]) / (t[-1] - t[0])
+        surface_mm = swelling * np.cos(2 * np.pi * 1.04 * mine[0].at * t + 1.0)
+        columns = np.array([s.shape for s in mine])[:, touching].T
+        left = surface_mm - columns @ np.linalg.lstsq(columns, surface_mm)[0]
+        assert np.std(left) < 0.01 * np.std(surface_mm)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_ndtr, logsumexp
+from scipy.stats import chi2
 
 from analysis.mismatch.evidence.marginal import log_ratio
 from analysis.mismatch.fit.study_fit import StudyFit
@@ -35,6 +36,10 @@ UNKNOWN_SIZE_AND_SHARE = 3.0
 REFINED = 2
 PROMISING = 12.0
 """Chi2 of the best of some times without which no closer look is taken: noise reaches it once in fifty trials."""
+JUMPS, RUNS = 4, (1, 2, 4)
+"""Edges that are looked at besides in a trial, most striking first, and over how many cells one may go."""
+ONCE_IN = 50
+"""Trials in one of which noise has such an edge."""
 FINER = (0.8, 0.2, 0.05, 0.012)
 """Widths, in gaps between times, of the looks that are taken about the best."""
 AFTER = 0.03
@@ -115,11 +120,15 @@ def _refined(
     All times are looked at with the first form, the others about the best time: which one it is shows where times lie
     no further apart than a step takes.
     """
+    gap = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+    edges = edges_s(fit, j, event.phases)
+    # a fine time stands for a smaller part of the trial than a coarse one
+    fine_weight = 0.3 / len(event.forms)
+    weight = np.append(np.ones(len(times)), np.full(len(edges), fine_weight * FINER[1]))
+    times = np.append(times, edges)
     gaps = gaps_mm(fit, j, event, times)
     places = np.vstack([times, np.zeros(len(times)), gaps])
     a, c = _scores(fit, j, event, times, 0, gaps)
-    gap = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
-    weight = np.ones(len(times))
     promising = float(np.max(c**2 / np.maximum(a, 1e-12))) > PROMISING
     # what returns may begin in a motion, and is seen to be over
     lasts_s = [0.0 if event.returns else rise_s for _, rise_s in event.forms]
@@ -133,10 +142,28 @@ def _refined(
             gaps = gaps_mm(fit, j, event, fine)
             fine_a, fine_c = _scores(fit, j, event, fine, form, gaps)
             places = np.hstack([places, np.vstack([fine, np.full(len(fine), form), gaps])])
-            # a fine time stands for a smaller part of the trial than a coarse one
-            weight = np.concatenate([weight, np.full(len(fine), 0.3 * width / len(event.forms))])
+            weight = np.concatenate([weight, np.full(len(fine), fine_weight * width)])
             a, c = np.concatenate([a, fine_a]), np.concatenate([c, fine_c])
     return places, np.vstack([a, weight]), c
+
+
+def edges_s(fit: StudyFit, j: int, phases: Sequence[str]) -> FloatArray:
+    """Return the times at rest (K,) at which a trial's whitened residual jumps further than noise alone would, s.
+
+    Beside noise that is slow and large a step shows by its edge only, within a few cells, and a time further away has
+    nothing of it.
+    """
+    trial, left = fit.trials[j], fit.projectors[j].residual
+    times = trial.time_s[trial.fitted]
+    jumps = np.max([np.convolve(left, np.ones(n))[n - 1 :] ** 2 / n for n in RUNS], axis=0)
+    jumps[~np.isin(times, within(at_rest(trial, phases), times))] = 0.0
+    least = chi2.isf(1.0 / (ONCE_IN * len(RUNS) * len(left)), 1)
+    found: list[float] = []
+    while len(found) < JUMPS and jumps.max() > least:
+        k = int(np.argmax(jumps))
+        found.append(float(times[k]))
+        jumps[max(k - RUNS[-1], 0) : k + RUNS[-1] + 1] = 0.0
+    return np.array(found)
 
 
 def _scores(

@@ -20,6 +20,7 @@ from analysis.mismatch.name.events import (
     SETTLES_S,
     Event,
     bent_shapes,
+    drop_goes_on,
     event_shape,
     one_unit,
 )
@@ -261,7 +262,11 @@ def _weigh(event: Event, per_trial: Sequence[tuple[FloatArray, FloatArray, Float
 
 
 def with_events(fit: StudyFit, scan: EventScan) -> StudyFit:
-    """Return the fit with a step in every trial that more likely has one than not, free to creep a little."""
+    """Return the fit with a step in every trial that more likely has one than not, free to creep a little.
+
+    No more is known of what becomes of a drop as the punch lifts off: it may go with the force, stay, or go with the
+    depth, and the tissue would be bent to bring the contact's end to where it was.
+    """
     name = scan.event.name
     states = []
     for j, (trial, state) in enumerate(zip(fit.trials, fit.states, strict=True)):
@@ -283,6 +288,11 @@ def with_events(fit: StudyFit, scan: EventScan) -> StudyFit:
             OwnShape(name, acts, bent * unit, size**2, time_s, CREEP)
             for bent in bent_shapes(scan.event, trial, time_s, rise_s)
         ]
+        if scan.event.one_sided:
+            shapes += [
+                OwnShape(name, "surface", later, size**2, time_s, CREEP)
+                for later in drop_goes_on(trial, state, fit.force_mn(j) - state.offset_mn, time_s)
+            ]
         # where a step took the skin away, the contact was nearer before
         nearer_mm = float(scan.coefficients[j]) if scan.gaps_mm[j] > 0.0 else 0.0
         there = replace(state, z0_mm=state.z0_mm + nearer_mm)

@@ -117,7 +117,7 @@ def one_unit(event: Event, acts: Acts, trial: CellTrial, state: TrialState, forc
     """Return what a unit of an event is in that of its shape.
 
     A drop (mN) is lost for good as a share of the hold's force, or given up by the surface, and then the tissue
-    relaxes towards what it was, as after any other step.
+    relaxes towards what it was, as after any other step. What is left of it as the punch lifts off is the trial's own.
     """
     if acts == "share":
         held = force_mn[trial.in_phase("hold")]
@@ -126,3 +126,19 @@ def one_unit(event: Event, acts: Acts, trial: CellTrial, state: TrialState, forc
         s = state.tissue
         return -1.0 / float(s.k0 + s.k1 + s.k2)
     return 1.0
+
+
+def drop_goes_on(trial: CellTrial, state: TrialState, force_mn: FloatArray, time_s: float) -> FloatArray:
+    """Return what the surface may do (2, n) after a drop by one unit, besides: nothing at once.
+
+    In the hold the drop may relax as after a step of the surface, or not; as the punch lifts off it may go with the
+    force, or with the depth, or stay. By the time the tissue has relaxed, and the force is gone, each is of size 1.
+    """
+    s = state.tissue
+    stiffness = float(s.k0 + s.k1 + s.k2)
+    since = np.maximum(trial.time_s - time_s, 0.0)
+    stays = 1.0 / (s.k0 + s.k1 * np.exp(-since / s.tau1) + s.k2 * np.exp(-since / s.tau2)) - 1.0 / stiffness
+    last = np.flatnonzero(trial.in_phase("hold"))[-1]
+    lifted_mm = np.where(trial.retracting, trial.position_mm[last] - trial.position_mm, 0.0)
+    lifted = np.clip(lifted_mm / max(float(force_mn[last]), 1e-9), 0.0, 1.0 / stiffness)
+    return -np.array([stays, lifted])

@@ -165,7 +165,7 @@ def test_what_comes_once_and_dies_away_is_no_shift(record: Callable[..., list[Tr
 def test_the_edge_of_a_slip_is_found_in_noise_that_slips_themselves_have_made(
     record: Callable[..., list[Trial]],
 ) -> None:
-    """Every trial slips, so that noise is measured from slips: at 70 times in a hold they were missed in most trials."""
+    """Noise is measured from trials that all slip; most of their slips lay between the seventy times of a hold."""
     trials = record(52, plans=study_plans(depths_mm=(0.4, 0.7), repeats=3, hold_s=5.0, dwell_s=0.4))
     fit = fit_baseline(take_in_memory(trials).trials)
     random = np.random.default_rng(53)
@@ -182,3 +182,28 @@ def test_the_edge_of_a_slip_is_found_in_noise_that_slips_themselves_have_made(
     (found,) = scan_events(bent.weighed_by(noise).with_population(), [slip])
     assert np.all(found.probability > 0.99)
     np.testing.assert_allclose(found.times_s, slips_s, atol=0.003)
+
+
+@pytest.mark.parametrize("stays", [0.0, 0.5, 1.0], ids=["goes with the depth", "half and half", "stays"])
+def test_what_becomes_of_a_drop_as_the_punch_lifts_off_bends_no_tissue(
+    record: Callable[..., list[Trial]], stays: float
+) -> None:
+    """The library says when a slip's drop comes, not how it ends; the contact is lost where the punch is still deep."""
+    trials = record(54, plans=study_plans(depths_mm=(0.7,), repeats=3, hold_s=3.0, dwell_s=0.4))
+    fit = fit_baseline(take_in_memory(trials).trials)
+    before = [np.exp(s.log_tissue) for s in fit.states]
+    slipped = []
+    for trial, state in zip(fit.trials, fit.states, strict=True):
+        at_s = float(np.median(trial.time_s[trial.in_phase("hold")]))
+        deep = np.clip(trial.position_mm - state.z0_mm, 0.0, None)
+        left = stays + (1.0 - stays) * deep / deep.max()
+        contact_mn = simulate(trial, replace(state, offset_mn=0.0), fit.shared)
+        lower_mn = np.maximum(contact_mn - 8.0 * step_shape(trial, at_s, 0.004) * left, 0.0)
+        slipped.append(replace(trial, force_mn=trial.force_mn + lower_mn - contact_mn))
+    bent = replace(fit, trials=tuple(slipped)).with_population()
+    slip = next(e for e in EVENTS if e.name == "slip")
+    (scan,) = scan_events(bent, [slip])
+    there = with_events(bent, scan).with_population()
+    for state, tissue in zip(there.states, before, strict=True):
+        np.testing.assert_allclose(np.exp(state.log_tissue), tissue, rtol=0.06)
+        assert state.coefficients[0] == pytest.approx(8.0, rel=0.06)

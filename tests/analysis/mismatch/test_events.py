@@ -42,15 +42,16 @@ def test_a_smooth_step_is_one_of_the_forms_bent(record: Callable[..., list[Trial
     assert min(left) < 0.02
 
 
-@pytest.mark.parametrize("lasts_s", [0.05, 0.1, 0.2, 0.4])
+@pytest.mark.parametrize("lasts_s", [0.05, 0.1, 0.2, 0.4, 1.1])
 @pytest.mark.parametrize(
     "pulse",
     [
         lambda u: np.exp(-4.0 * (u - 1.0) ** 2),
         lambda u: np.where((u > 0.0) & (u < 2.0), np.sin(0.5 * np.pi * np.clip(u, 0.0, 2.0)) ** 2, 0.0),
         lambda u: 4.0 * (np.exp(-1.5 * np.clip(u, 0.0, None)) - np.exp(-3.0 * np.clip(u, 0.0, None))),
+        lambda u: 0.5 * (np.tanh(6.0 * (u - 0.5)) - np.tanh(4.0 * (u - 1.7))),
     ],
-    ids=["as quick to rise as to fall", "over in a moment", "slow to die away"],
+    ids=["as quick to rise as to fall", "over in a moment", "slow to die away", "held for a while"],
 )
 def test_what_moves_and_returns_is_a_sum_of_pulses(
     record: Callable[..., list[Trial]], pulse: Callable[[np.ndarray], np.ndarray], lasts_s: float

@@ -15,7 +15,7 @@ FloatArray = NDArray[np.float64]
 HIGHEST_HZ = 15.0
 CYCLES = 1.25
 """No rhythm changes within a cycle or so."""
-OVERTONES = {2: 0.3, 3: 0.15, 4: 0.1}
+OVERTONES = {2: 0.3, 3: 0.15, 4: 0.1, 5: 0.07, 6: 0.05}
 """A body's rhythm is no sine: it has overtones of some such shares of its size, no steadier than itself."""
 
 
@@ -68,7 +68,7 @@ class Rhythm:
 
 def overtones(frequency_hz: float) -> dict[int, float]:
     """Return the numbers of a rhythm's overtones, the first its own, and their shares of its size."""
-    return {1: 1.0} | {n: share for n, share in OVERTONES.items() if 2.0 * n * frequency_hz < HIGHEST_HZ}
+    return {1: 1.0} | {n: share for n, share in OVERTONES.items() if n * frequency_hz < HIGHEST_HZ}
 
 
 def waves(trial: CellTrial, frequency_hz: float) -> FloatArray:

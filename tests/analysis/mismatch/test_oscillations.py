@@ -213,3 +213,16 @@ def test_a_breath_of_one_cycle_wanders_within_its_trial(record: Callable[..., li
         columns = np.array([s.shape for s in mine])[:, touching].T
         left = surface_mm - columns @ np.linalg.lstsq(columns, surface_mm)[0]
         assert np.std(left) < 0.01 * np.std(surface_mm)
+
+
+@pytest.mark.parametrize("hz", [1.0, 1.7, 2.2])
+def test_a_pulse_has_its_overtones(record: Callable[..., list[Trial]], hz: float) -> None:
+    """A beat rises within an eighth of its cycle and falls by halves: what overtones leave of it is no tremor."""
+    trials = record(45, plans=study_plans(depths_mm=(0.5,), repeats=1, hold_s=5.0, dwell_s=0.4))
+    trial = take_in_memory(trials).trials[0]
+    turn = (np.arange(400) + 0.5) / 400
+    beat = np.where(turn < 0.125, np.sin(np.pi * turn / 0.25), 0.5 ** ((turn - 0.125) / 0.25))
+    surface = np.interp(np.mod(hz * trial.time_s, 1.0), turn, beat - beat.mean(), period=1.0)
+    columns = waves(trial, hz)
+    left = surface - columns @ np.linalg.lstsq(columns, surface)[0]
+    assert np.std(left) < 0.1 * np.std(surface)

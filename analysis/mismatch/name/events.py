@@ -21,8 +21,8 @@ By nothing else is a drop for which the surface gives way told from a shift away
 STRETCH, BENT = 2.25, 5
 """No step is a straight ramp: within so many of its rises it is a smooth one, and has so many shapes of its own."""
 PULSES_S = tuple(np.geomspace(0.015, 1.2, 16).tolist())
-"""How long what returns takes to its peak: densely, since it begins sharply, and bends little about that; a twitch takes
-some hundredths of a second, somebody who moves a second or so."""
+"""How long what returns takes to its peak: a twitch some hundredths of a second, a push a second or so. Densely, since
+it begins sharply, and bends little about that."""
 PULSE, BENT_PULSES = 2, (1, 3, 4, 5, 6)
 """Orders of pulses that return, the one and those by which it may go otherwise: together any that is over in time."""
 LASTS = 15.0

@@ -220,3 +220,22 @@ def _slow_shapes(
     return shapes + [
         OwnShape(name, "surface", w * from_middle, (ends * size_mm) ** 2, hz, WANDERING) for w in steady.T
     ]
+
+
+def phases_alike(fit: StudyFit, name: str) -> float:
+    """Return how alike the phases of a slow rhythm are where holds begin, in nats: n R^2 of Rayleigh's test.
+
+    H0: the phase is uniform and independent in each of n trials, as nothing ties a body's rhythm to them. Then the mean
+    resultant length R makes n R^2 exponential, of mean 1 (Mardia and Jupp, Directional Statistics, 2000, 6.3.1).
+    """
+    turned = []
+    for trial, state in zip(fit.trials, fit.states, strict=True):
+        hold = trial.in_phase("hold")
+        mine = [k for k, s in enumerate(state.shapes) if s.effect == name and not s.kind]
+        if mine and np.any(hold):
+            surface_mm = sum(state.coefficients[k] * state.shapes[k].shape[hold] for k in mine)
+            since_s = trial.time_s[hold] - trial.time_s[hold][0]
+            wave = np.exp(-2j * np.pi * state.shapes[mine[0]].at * since_s)
+            turned.append(complex(np.sum(trial.widths_s[hold] * surface_mm * wave)))
+    unit = np.array([z / abs(z) for z in turned if z])
+    return float(np.abs(unit.sum()) ** 2 / len(unit)) if len(unit) else 0.0

@@ -25,6 +25,7 @@ from analysis.mismatch.levels import (
 from analysis.mismatch.locate.remainder import shape_left
 from analysis.mismatch.model.dictionary import templates
 from analysis.mismatch.name.options import Option, law_options, own_options, worth_trying
+from analysis.mismatch.name.oscillations import phases_alike
 from analysis.mismatch.name.own_sizes import own_sizes
 from analysis.simulation.mechanism import library
 
@@ -201,7 +202,9 @@ def stands_for_shape(without: Account, gain: float) -> bool:
 
 
 def is_nothing(account: Account, name: str) -> bool:
-    """Return whether an effect of an account has no size: a law, a band, or shapes that show no more than is unsure."""
+    """Return whether an effect of an account is nothing: a law of no size, a band without a frequency, or a rhythm that
+    shows no more than is unsure, or begins at one phase in all trials.
+    """
     fit = account.fit
     if any(law.is_nothing for law in fit.shared.laws if law.name == name):
         return True
@@ -211,7 +214,8 @@ def is_nothing(account: Account, name: str) -> bool:
     mechanism = library().get(name)
     if name not in account.steps or mechanism is None or mechanism.form != "oscillation":
         return False
-    return not own_sizes(account, mechanism)[mechanism.amplitude].value > 0.0
+    locked = phases_alike(fit, name) > ENOUGH_SHARED
+    return locked or not own_sizes(account, mechanism)[mechanism.amplitude].value > 0.0
 
 
 def instead(step: tuple[Rival, ...], after: tuple[Rival, ...]) -> tuple[Rival, ...]:

@@ -42,7 +42,7 @@ def test_a_smooth_step_is_one_of_the_forms_bent(record: Callable[..., list[Trial
     assert min(left) < 0.02
 
 
-@pytest.mark.parametrize("lasts_s", [0.05, 0.1, 0.2, 0.4, 1.1])
+@pytest.mark.parametrize("lasts_s", [0.05, 0.1, 0.2, 0.4, 0.9])
 @pytest.mark.parametrize(
     "pulse",
     [

@@ -226,3 +226,29 @@ def test_a_pulse_has_its_overtones(record: Callable[..., list[Trial]], hz: float
     columns = waves(trial, hz)
     left = surface - columns @ np.linalg.lstsq(columns, surface)[0]
     assert np.std(left) < 0.1 * np.std(surface)
+
+
+@pytest.mark.parametrize("locked", [True, False])
+def test_what_begins_alike_in_all_trials_is_no_breath(
+    record: Callable[..., list[Trial]], locked: bool
+) -> None:
+    """A sensor that warms while skin is touched leaves a slow wave in all trials alike; a breath knows of no trial.
+
+    Phases that are as much alike by chance come once in 3000 studies; these are drawn once, by a fixed seed.
+    """
+    trials = record(45, plans=study_plans(depths_mm=(0.5,), repeats=12, hold_s=4.0, dwell_s=0.4))
+    fit = fit_baseline(take_in_memory(trials).trials)
+    n = len(fit.trials)
+    scan = OscillationScan(100.0, np.ones(n), 0.3, np.full(n, 0.3), 0.01, "", np.zeros(0), np.zeros(0))
+    there = with_oscillation(fit, scan, "respiration")
+    random = np.random.default_rng(48)
+    states = []
+    for trial, state in zip(there.trials, there.states, strict=True):
+        begins_s = trial.time_s[trial.in_phase("hold")][0]
+        phase = 0.4 * random.standard_normal() if locked else random.uniform(0.0, 2 * np.pi)
+        shapes = np.array([s.shape for s in state.shapes])
+        wave_mm = 0.02 * np.cos(2 * np.pi * 0.3 * (trial.time_s - begins_s) + phase)
+        found = np.linalg.lstsq(shapes.T, wave_mm)[0]
+        states.append(replace(state, coefficients=found))
+    breathing = Account(replace(there, states=tuple(states)), steps={"respiration": 0.0})
+    assert is_nothing(breathing, "respiration") is locked

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.arms import weakest_apart
@@ -81,8 +82,30 @@ def search(account: Account) -> Named:
             # it is not needed, and led nowhere
             account = max(account, before, key=lambda a: a.nats)
             break
+    account, rivals, adds = one_for_two(account, start, rivals, adds)
     found = {name: rivals[name] for name in account.names}
     return Named(told_apart(account, found), found, adds)
+
+
+def one_for_two(
+    account: Account, start: Account, rivals: dict[str, tuple[Rival, ...]], adds: dict[str, float]
+) -> tuple[Account, dict[str, tuple[Rival, ...]], dict[str, float]]:
+    """Return the account with one law in place of two of its stage, if that predicts as well, and who was considered.
+
+    While another effect is missing a law may not be itself, and two are in its place.
+    """
+    for first, second in combinations(account.fit.shared.laws, 2):
+        if len(account.names) == 2 or first.mechanism.stage != second.mechanism.stage:
+            continue
+        others = account.without(first.name).without(second.name).settled()
+        step = considered(others, start, {})
+        if not step or step[0].name in (first.name, second.name):
+            continue
+        one = replace(step[0], account=step[0].account.settled())
+        gain, error = account.gain_over(others)
+        if one.as_good_as(Rival("", gain, error, account)):
+            return one.account, rivals | {one.name: step}, {}
+    return account, rivals, adds
 
 
 def told_apart(account: Account, rivals: Mapping[str, tuple[Rival, ...]]) -> Account:

@@ -187,3 +187,34 @@ def test_a_law_may_leave_more_than_there_was(record: Callable[..., list[Trial]])
     first = search.considered(account, account, {})[0]
     assert first.name == "adhesion"
     assert first.account.fit.left_mn > 1.1 * account.fit.left_mn
+
+
+@pytest.mark.parametrize(
+    ("third", "of_one", "names"),
+    [
+        ("force_lag", 960.0, ("force_lag", "power_law_relaxation")),
+        ("force_lag", 800.0, ("force_lag", "poroelastic_drainage", "third_relaxation")),
+        ("adhesion", 960.0, ("adhesion", "power_law_relaxation")),
+    ],
+    ids=["as good", "worse", "whatever is beside it"],
+)
+def test_one_law_stands_in_place_of_two_of_its_stage(
+    monkeypatch: pytest.MonkeyPatch, third: str, of_one: float, names: tuple[str, ...]
+) -> None:
+    """A power law was not itself while a lag was missing: a drainage and an arm were in its place."""
+    both = (third, "poroelastic_drainage", "third_relaxation")
+    of = {both: 1000.0, (third,): 0.0, (third, "power_law_relaxation"): of_one}
+    laws = tuple(Law(library()[n], {}, ()) for n in both)
+    account = cast(Account, _Evidence(both, of, fit=SimpleNamespace(shared=Shared(laws), states=())))
+    one = cast(Account, _Evidence((third, "power_law_relaxation"), of))
+    asked = []
+
+    def found(others: _Evidence, *_: object) -> tuple[Rival, ...]:
+        asked.append(others.names)
+        return (Rival("power_law_relaxation", of_one, 1.0, one),)
+
+    monkeypatch.setattr(search, "considered", found)
+    there, rivals, _ = search.one_for_two(account, account, {}, {})
+    assert there.names == names
+    assert asked == [(third,)]
+    assert ("power_law_relaxation" in rivals) == ("power_law_relaxation" in names)

@@ -179,7 +179,7 @@ def _scores(
     base = simulate(trial, state, fit.shared, own)
     columns = np.empty((len(base), len(times)))
     acts, rise_s = event.forms[form]
-    unit = event.unit * one_unit(event, acts, trial, state, base - state.offset_mn)
+    unit = event.unit * one_unit(acts, trial, base - state.offset_mn)
     for k, time_s in enumerate(times):
         does = event_shape(event, trial, float(time_s), rise_s) * unit
         if gaps[k] > 0.0:
@@ -274,7 +274,8 @@ def with_events(fit: StudyFit, scan: EventScan) -> StudyFit:
             states.append(state)
             continue
         time_s, (acts, rise_s) = float(scan.times_s[j]), scan.event.forms[int(scan.forms[j])]
-        unit = one_unit(scan.event, acts, trial, state, fit.force_mn(j) - state.offset_mn)
+        contact_mn = fit.force_mn(j) - state.offset_mn
+        unit = one_unit(acts, trial, contact_mn)
         size = max(scan.size, abs(float(scan.coefficients[j])))
         step = event_shape(scan.event, trial, time_s, rise_s) * unit
         since = np.maximum(trial.time_s - time_s, 0.0)
@@ -291,7 +292,7 @@ def with_events(fit: StudyFit, scan: EventScan) -> StudyFit:
         if scan.event.one_sided:
             shapes += [
                 OwnShape(name, "surface", later, size**2, time_s, CREEP)
-                for later in drop_goes_on(trial, state, fit.force_mn(j) - state.offset_mn, time_s)
+                for later in drop_goes_on(trial, state, contact_mn, time_s)
             ]
         # where a step took the skin away, the contact was nearer before
         nearer_mm = float(scan.coefficients[j]) if scan.gaps_mm[j] > 0.0 else 0.0

@@ -45,7 +45,7 @@ class Event:
 
 
 EVENTS = (
-    Event("slip", True, 1.0, tuple((a, r) for a in ("share", "surface") for r in SLIPS_S), ("hold",)),
+    Event("slip", True, 1.0, tuple(("share", r) for r in SLIPS_S), ("hold",)),
     Event("motion_artefact", False, 1e-3, tuple(("surface", r) for r in SHIFTS_S), ("dwell", "hold")),
     Event("transient", False, 1e-3, tuple(("surface", r) for r in PULSES_S), ("dwell", "hold"), returns=True),
 )
@@ -114,19 +114,11 @@ def bent_shapes(event: Event, trial: CellTrial, time_s: float, rise_s: float) ->
     return means_over_cells(np.cumsum(speeds, axis=1), u, before, after)
 
 
-def one_unit(event: Event, acts: Acts, trial: CellTrial, state: TrialState, force_mn: FloatArray) -> float:
-    """Return what a unit of an event is in that of its shape.
-
-    A drop (mN) is lost for good as a share of the hold's force, or given up by the surface, and then the tissue
-    relaxes towards what it was, as after any other step. What is left of it as the punch lifts off is the trial's own.
-    """
-    if acts == "share":
-        held = force_mn[trial.in_phase("hold")]
-        return 1.0 / max(float(np.median(held)), 1e-9)
-    if event.one_sided:
-        s = state.tissue
-        return -1.0 / float(s.k0 + s.k1 + s.k2)
-    return 1.0
+def one_unit(acts: Acts, trial: CellTrial, force_mn: FloatArray) -> float:
+    """Return what a unit of an event is in that of its shape: a drop (mN) is lost as a share of the hold's force."""
+    if acts != "share":
+        return 1.0
+    return 1.0 / max(float(np.median(force_mn[trial.in_phase("hold")])), 1e-9)
 
 
 def drop_goes_on(trial: CellTrial, state: TrialState, force_mn: FloatArray, time_s: float) -> FloatArray:

@@ -185,9 +185,9 @@ def test_the_edge_of_a_slip_is_found_in_noise_that_slips_themselves_have_made(
     np.testing.assert_allclose(found.times_s, slips_s, atol=0.003)
 
 
-@pytest.mark.parametrize("stays", [0.0, 0.5, 1.0], ids=["goes with the depth", "half and half", "stays"])
+@pytest.mark.parametrize("goes", ["with the depth", "halfway", "nowhere", "with the surface"])
 def test_what_becomes_of_a_drop_as_the_punch_lifts_off_bends_no_tissue(
-    record: Callable[..., list[Trial]], stays: float
+    record: Callable[..., list[Trial]], goes: str
 ) -> None:
     """The library says when a slip's drop comes, not how it ends; the contact is lost where the punch is still deep."""
     trials = record(54, plans=study_plans(depths_mm=(0.7,), repeats=3, hold_s=3.0, dwell_s=0.4))
@@ -195,16 +195,20 @@ def test_what_becomes_of_a_drop_as_the_punch_lifts_off_bends_no_tissue(
     before = [np.exp(s.log_tissue) for s in fit.states]
     slipped = []
     for trial, state in zip(fit.trials, fit.states, strict=True):
-        at_s = float(np.median(trial.time_s[trial.in_phase("hold")]))
+        step = step_shape(trial, float(np.median(trial.time_s[trial.in_phase("hold")])), 0.004)
+        bare = replace(state, offset_mn=0.0)
+        contact_mn = simulate(trial, bare, fit.shared)
         deep = np.clip(trial.position_mm - state.z0_mm, 0.0, None)
-        left = stays + (1.0 - stays) * deep / deep.max()
-        contact_mn = simulate(trial, replace(state, offset_mn=0.0), fit.shared)
-        lower_mn = np.maximum(contact_mn - 8.0 * step_shape(trial, at_s, 0.004) * left, 0.0)
+        left = {"with the depth": deep / deep.max(), "halfway": 0.5 + 0.5 * deep / deep.max()}.get(goes, 1.0)
+        lower_mn = np.maximum(contact_mn - 8.0 * step * left, 0.0)
+        if goes == "with the surface":
+            gives_mm = -8.0 * step / np.exp(state.log_tissue[[0, 1, 3]]).sum()
+            lower_mn = simulate(trial, bare, fit.shared, {"surface": gives_mm})
         slipped.append(replace(trial, force_mn=trial.force_mn + lower_mn - contact_mn))
     bent = replace(fit, trials=tuple(slipped)).with_population()
     slip = next(e for e in EVENTS if e.name == "slip")
     (scan,) = scan_events(bent, [slip])
     there = with_events(bent, scan).with_population()
     for state, tissue in zip(there.states, before, strict=True):
-        np.testing.assert_allclose(np.exp(state.log_tissue), tissue, rtol=0.06)
+        np.testing.assert_allclose(np.exp(state.log_tissue), tissue, rtol=0.04)
         assert state.coefficients[0] == pytest.approx(8.0, rel=0.06)

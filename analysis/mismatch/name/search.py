@@ -94,8 +94,9 @@ def one_for_two(
 
     While another effect is missing a law may not be itself, and two are in its place.
     """
-    for first, second in combinations(account.fit.shared.laws, 2):
-        if len(account.names) == 2 or first.mechanism.stage != second.mechanism.stage:
+    laws = account.fit.shared.laws if len(account.names) > 2 else ()
+    for first, second in combinations(laws, 2):
+        if first.mechanism.stage != second.mechanism.stage:
             continue
         others = account.without(first.name).without(second.name).settled()
         step = considered(others, start, {})

@@ -111,7 +111,7 @@ def _relaxed(
     for m, p in added:
         if m.needs_force:
             slope += float(np.mean(m.tip_mm(trial, np.zeros_like(old), probe, p)))
-    stiffness = rigid_stiffness if trial.kind == "rigid_target" else tissue.k0 + tissue.k1 + tissue.k2
+    stiffness = rigid_stiffness if trial.kind == "rigid_target" else tissue.stiffness
     return old + (new - old) / (1.0 - slope * stiffness)
 
 

@@ -79,6 +79,15 @@ class Tissue:
         """Natural logarithms (5,) of the constants, in their order."""
         return np.log([self.k0, self.k1, self.tau1, self.k2, self.tau2])
 
+    @property
+    def stiffness(self) -> float:
+        """Stiffness at once, k0 + k1 + k2, mN/mm."""
+        return self.k0 + self.k1 + self.k2
+
+    def stiffness_after(self, since_s: FloatArray) -> FloatArray:
+        """Return what is left of the stiffness (n,) some time after a step, k0 + sum k_i exp(-t / tau_i), mN/mm."""
+        return self.k0 + self.k1 * np.exp(-since_s / self.tau1) + self.k2 * np.exp(-since_s / self.tau2)
+
 
 class Mechanism:
     """A mechanism of the library; a subclass sets the words and overrides the stages it changes.

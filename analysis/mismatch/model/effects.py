@@ -96,6 +96,10 @@ class OwnShapes(tuple[OwnShape, ...]):
             for acts, at in places.items()
         }
 
+    def of(self, effect: str) -> list[int]:
+        """Return where the shapes of an effect itself stand, without what it may do besides."""
+        return [k for k, shape in enumerate(self) if shape.effect == effect and not shape.kind]
+
     @cached_property
     def block(self) -> int | None:
         """Where it stands how much more a block gives; None without one."""

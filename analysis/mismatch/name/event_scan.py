@@ -81,9 +81,14 @@ def at_rest(trial: CellTrial, phases: Sequence[str], lasts_s: float = 0.0) -> Fl
     return np.array(spans).reshape(-1, 2)
 
 
+def inside(spans: FloatArray, times: FloatArray) -> NDArray[np.bool_]:
+    """Return which of some times (T,) lie in one of the spans (P, 2)."""
+    return np.any((times[:, None] >= spans[:, 0]) & (times[:, None] < spans[:, 1]), axis=1)
+
+
 def within(spans: FloatArray, times: FloatArray) -> FloatArray:
     """Return those of some times (T,) that lie in one of the spans (P, 2)."""
-    return times[((times[:, None] >= spans[:, 0]) & (times[:, None] < spans[:, 1])).any(axis=1)]
+    return times[inside(spans, times)]
 
 
 def candidate_times(trial: CellTrial, phases: Sequence[str]) -> FloatArray:
@@ -124,7 +129,7 @@ def _refined(
     gap = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
     edges = edges_s(fit, j, event.phases)
     # a fine time stands for a smaller part of the trial than a coarse one
-    fine_weight = 0.3 / len(event.forms)
+    fine_weight = 0.3 / len(event.rises_s)
     weight = np.append(np.ones(len(times)), np.full(len(edges), fine_weight * FINER[1]))
     times = np.append(times, edges)
     gaps = gaps_mm(fit, j, event, times)
@@ -132,11 +137,11 @@ def _refined(
     a, c = _scores(fit, j, event, times, 0, gaps)
     promising = float(np.max(c**2 / np.maximum(a, 1e-12))) > PROMISING
     # what returns may begin in a motion, and is seen to be over
-    lasts_s = [0.0 if event.returns else rise_s for _, rise_s in event.forms]
+    lasts_s = [0.0 if event.returns else rise_s for rise_s in event.rises_s]
     spans = [at_rest(fit.trials[j], event.phases, s) for s in lasts_s] if promising else []
     for width in FINER if promising else ():
         best = places[:, np.argsort(-(c**2) / np.maximum(a, 1e-12))[: REFINED if width > 0.1 else 1]]
-        forms = range(len(event.forms)) if width > FINER[-1] else np.unique(best[1].astype(int))
+        forms = range(len(event.rises_s)) if width > FINER[-1] else np.unique(best[1].astype(int))
         about = np.unique(np.concatenate([b + gap * width * np.linspace(-1.0, 1.0, 6) for b in best[0]]))
         for form in forms:
             fine = within(spans[form], about)
@@ -157,7 +162,7 @@ def edges_s(fit: StudyFit, j: int, phases: Sequence[str]) -> FloatArray:
     trial, left = fit.trials[j], fit.projectors[j].residual
     times = trial.time_s[trial.fitted]
     jumps = np.max([np.convolve(left, np.ones(n))[n - 1 :] ** 2 / n for n in RUNS], axis=0)
-    jumps[~np.isin(times, within(at_rest(trial, phases), times))] = 0.0
+    jumps[~inside(at_rest(trial, phases), times)] = 0.0
     least = chi2.isf(1.0 / (ONCE_IN * len(RUNS) * len(left)), 1)
     found: list[float] = []
     while len(found) < JUMPS and jumps.max() > least:
@@ -178,8 +183,8 @@ def _scores(
     own = own_effects(state)
     base = simulate(trial, state, fit.shared, own)
     columns = np.empty((len(base), len(times)))
-    acts, rise_s = event.forms[form]
-    unit = event.unit * one_unit(acts, trial, base - state.offset_mn)
+    acts, rise_s = event.acts, event.rises_s[form]
+    unit = event.unit * one_unit(event, trial, base - state.offset_mn)
     for k, time_s in enumerate(times):
         does = event_shape(event, trial, float(time_s), rise_s) * unit
         if gaps[k] > 0.0:
@@ -267,15 +272,15 @@ def with_events(fit: StudyFit, scan: EventScan) -> StudyFit:
     No more is known of what becomes of a drop as the punch lifts off: it may go with the force, stay, or go with the
     depth, and the tissue would be bent to bring the contact's end to where it was.
     """
-    name = scan.event.name
+    name, acts = scan.event.name, scan.event.acts
     states = []
     for j, (trial, state) in enumerate(zip(fit.trials, fit.states, strict=True)):
         if scan.probability[j] <= 0.5:
             states.append(state)
             continue
-        time_s, (acts, rise_s) = float(scan.times_s[j]), scan.event.forms[int(scan.forms[j])]
+        time_s, rise_s = float(scan.times_s[j]), scan.event.rises_s[int(scan.forms[j])]
         contact_mn = fit.force_mn(j) - state.offset_mn
-        unit = one_unit(acts, trial, contact_mn)
+        unit = one_unit(scan.event, trial, contact_mn)
         size = max(scan.size, abs(float(scan.coefficients[j])))
         step = event_shape(scan.event, trial, time_s, rise_s) * unit
         since = np.maximum(trial.time_s - time_s, 0.0)

@@ -31,23 +31,28 @@ LASTS = 15.0
 
 @dataclass(frozen=True)
 class Event:
-    """A kind of step: whether it has one sign only, its unit, and its forms: how it acts and how long it takes (s).
+    """A kind of step: how it acts, its unit, and its forms: how long it may take (s).
 
     One that ``returns`` is a pulse that rises for so long, and then dies away: no law of the library does so.
     """
 
     name: str
-    one_sided: bool
+    acts: Acts
     unit: float
-    forms: tuple[tuple[Acts, float], ...]
+    rises_s: tuple[float, ...]
     phases: tuple[str, ...]
     returns: bool = False
 
+    @property
+    def one_sided(self) -> bool:
+        """Whether it has one sign only: a share of the force is lost, not won."""
+        return self.acts == "share"
+
 
 EVENTS = (
-    Event("slip", True, 1.0, tuple(("share", r) for r in SLIPS_S), ("hold",)),
-    Event("motion_artefact", False, 1e-3, tuple(("surface", r) for r in SHIFTS_S), ("dwell", "hold")),
-    Event("transient", False, 1e-3, tuple(("surface", r) for r in PULSES_S), ("dwell", "hold"), returns=True),
+    Event("slip", "share", 1.0, SLIPS_S, ("hold",)),
+    Event("motion_artefact", "surface", 1e-3, SHIFTS_S, ("dwell", "hold")),
+    Event("transient", "surface", 1e-3, PULSES_S, ("dwell", "hold"), returns=True),
 )
 SETTLES_S = (0.03, 0.5, 3.0)
 CREEP = "creep"
@@ -114,9 +119,9 @@ def bent_shapes(event: Event, trial: CellTrial, time_s: float, rise_s: float) ->
     return means_over_cells(np.cumsum(speeds, axis=1), u, before, after)
 
 
-def one_unit(acts: Acts, trial: CellTrial, force_mn: FloatArray) -> float:
+def one_unit(event: Event, trial: CellTrial, force_mn: FloatArray) -> float:
     """Return what a unit of an event is in that of its shape: a drop (mN) is lost as a share of the hold's force."""
-    if acts != "share":
+    if event.acts != "share":
         return 1.0
     return 1.0 / max(float(np.median(force_mn[trial.in_phase("hold")])), 1e-9)
 
@@ -127,11 +132,10 @@ def drop_goes_on(trial: CellTrial, state: TrialState, force_mn: FloatArray, time
     In the hold the drop may relax as after a step of the surface, or not; as the punch lifts off it may go with the
     force, or with the depth, or stay. By the time the tissue has relaxed, and the force is gone, each is of size 1.
     """
-    s = state.tissue
-    stiffness = float(s.k0 + s.k1 + s.k2)
+    tissue = state.tissue
     since = np.maximum(trial.time_s - time_s, 0.0)
-    stays = 1.0 / (s.k0 + s.k1 * np.exp(-since / s.tau1) + s.k2 * np.exp(-since / s.tau2)) - 1.0 / stiffness
+    stays = 1.0 / tissue.stiffness_after(since) - 1.0 / tissue.stiffness
     last = np.flatnonzero(trial.in_phase("hold"))[-1]
     lifted_mm = np.where(trial.retracting, trial.position_mm[last] - trial.position_mm, 0.0)
-    lifted = np.clip(lifted_mm / max(float(force_mn[last]), 1e-9), 0.0, 1.0 / stiffness)
+    lifted = np.clip(lifted_mm / max(float(force_mn[last]), 1e-9), 0.0, 1.0 / tissue.stiffness)
     return -np.array([stays, lifted])

@@ -103,8 +103,7 @@ def scan_oscillations(fit: StudyFit) -> OscillationScan:
     energies: list[list[tuple[FloatArray, FloatArray]]] = []
     stiffness = []
     for j in skin:
-        s = fit.states[j].tissue
-        stiffness.append(s.k0 + s.k1 + s.k2)
+        stiffness.append(fit.states[j].tissue.stiffness)
         energies.append(_energies(fit, j, grid.tolist()))
     # what a slow rhythm has fewer of than a quick one stays nothing
     a = np.zeros((len(skin), len(grid), max(len(v) for own in energies for v, _ in own)))
@@ -168,7 +167,7 @@ def tuned(fit: StudyFit, j: int, near_hz: float, size_mm: float) -> float:
     """Return the frequency about one at which a steady rhythm with its overtones explains most of the j-th trial."""
     trial, state = fit.trials[j], fit.states[j]
     touching = touches(trial, state, fit.shared)
-    stiffness = float(state.tissue.k0 + state.tissue.k1 + state.tissue.k2)
+    stiffness = state.tissue.stiffness
     reach_hz = min(SPACING / coherent_s(near_hz), TUNED_SHARE * near_hz)
     tried = near_hz + np.linspace(-1.0, 1.0, TUNED) * reach_hz
     gains = []
@@ -205,20 +204,20 @@ def _slow_shapes(
     One that hat functions leave steady still wanders: by a share of `WANDERS` quicker or slower it is ahead or behind
     by 2 pi f T WANDERS / 2 at either end of the T in which it shows, and its size may go with time by as much.
     """
+    carried = {number: hat_waves(trial, hz, number).T for number in overtones(hz)}
     shapes = [
         OwnShape(name, "surface", w, (share * size_mm) ** 2, number * hz, HARMONIC if number > 1 else "")
         for number, share in overtones(hz).items()
-        for w in hat_waves(trial, hz, number).T
+        for w in carried[number]
         if np.any(w[touching])
     ]
-    steady = hat_waves(trial, hz)
-    if steady.shape[1] > 2 or np.count_nonzero(touching) < 2:
+    if len(carried[1]) > 2 or np.count_nonzero(touching) < 2:
         return shapes
     first_s, last_s = trial.time_s[touching][[0, -1]]
     ends = np.pi * hz * (last_s - first_s) * WANDERS
     from_middle = (2.0 * trial.time_s - first_s - last_s) / (last_s - first_s)
     return shapes + [
-        OwnShape(name, "surface", w * from_middle, (ends * size_mm) ** 2, hz, WANDERING) for w in steady.T
+        OwnShape(name, "surface", w * from_middle, (ends * size_mm) ** 2, hz, WANDERING) for w in carried[1]
     ]
 
 
@@ -231,7 +230,7 @@ def phases_alike(fit: StudyFit, name: str) -> float:
     turned = []
     for trial, state in zip(fit.trials, fit.states, strict=True):
         hold = trial.in_phase("hold")
-        mine = [k for k, s in enumerate(state.shapes) if s.effect == name and not s.kind]
+        mine = state.shapes.of(name)
         if mine and np.any(hold):
             surface_mm = sum(state.coefficients[k] * state.shapes[k].shape[hold] for k in mine)
             since_s = trial.time_s[hold] - trial.time_s[hold][0]

@@ -68,7 +68,7 @@ def _shape_sizes(fit: StudyFit, mechanism: Mechanism) -> list[tuple[float, float
     """Return size, its error, and time (s) or frequency (Hz) of an effect's shapes in every trial that has them."""
     found = []
     for trial, own, state in zip(fit.trials, fit.own, fit.states, strict=True):
-        mine = [k for k, s in enumerate(state.shapes) if s.effect == mechanism.name and not s.kind]
+        mine = state.shapes.of(mechanism.name)
         if not mine:
             continue
         at = [own.tissue.stop + k for k in mine]

@@ -110,7 +110,7 @@ def _effect(diagnosis: Diagnosis, report: Report, k: int) -> dict[str, Any] | No
             effect["rough"] = float(np.clip(law.values["growth"], 0.0, 1.0))
     if library()[found.name].form == "event":
         states = diagnosis.improved.fit.states
-        times = [s.at for state in states for s in state.shapes if s.effect == found.name and not s.kind]
+        times = [s.shapes[k].at for s in states for k in s.shapes.of(found.name)]
         effect["scatter_s"] = min(float(np.std(times)), 5.0)
         if found.name == "motion_artefact":
             effect["share"] = len(times) / len(states)

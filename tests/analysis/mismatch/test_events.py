@@ -64,7 +64,7 @@ def test_what_moves_and_returns_is_a_sum_of_pulses(
     surface = pulse(2.0 * since_s / lasts_s).mean(axis=0)
     event = next(e for e in EVENTS if e.returns)
     left = []
-    for _, rise_s in event.forms:
+    for rise_s in event.rises_s:
         for peak_s in at_s + lasts_s * np.linspace(0.0, 1.0, 11):
             bent = bent_shapes(event, trial, peak_s, rise_s)
             columns = np.vstack([event_shape(event, trial, peak_s, rise_s), bent]).T
@@ -88,7 +88,7 @@ def test_what_goes_on_while_the_punch_moves_is_no_step_of_skin_at_rest(
         bent.append(replace(trial, force_mn=moved_mn))
     (found,) = scan_events(replace(fit, trials=tuple(bent)).with_states(), [shift])
     for j, trial in enumerate(fit.trials):
-        rise_s = shift.forms[int(found.forms[j])][1]
+        rise_s = shift.rises_s[int(found.forms[j])]
         begins_s, ends_s = found.times_s[j] - 0.5 * rise_s, found.times_s[j] + 0.5 * rise_s
         spans = [trial.time_s[trial.in_phase(phase)][[0, -1]] for phase in shift.phases]
         assert any(first <= begins_s and ends_s <= last for first, last in spans)

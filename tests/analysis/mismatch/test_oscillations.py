@@ -13,6 +13,7 @@ from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.fit.noise import NoiseModel
 from analysis.mismatch.fit.rhythms import followed, with_rhythm
+from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.fit.whitener import Whitener
 from analysis.mismatch.model.effects import simulate, tissue_force, touches
 from analysis.mismatch.model.rhythm import Rhythm, waves
@@ -170,27 +171,30 @@ def test_a_rhythm_of_a_narrow_band_is_found_where_it_is_looked_for(
     assert np.std(left) < 0.1 * np.std(surface_mm)
 
 
+def _oscillating(
+    record: Callable[..., list[Trial]], name: str, hz: float, repeats: int, hold_s: float
+) -> StudyFit:
+    """Trials of a skin that rests, fitted as if a scan had found a rhythm of this frequency."""
+    trials = record(45, plans=study_plans(depths_mm=(0.5,), repeats=repeats, hold_s=hold_s, dwell_s=0.4))
+    fit = fit_baseline(take_in_memory(trials).trials)
+    n = len(fit.trials)
+    scan = OscillationScan(100.0, np.ones(n), hz, np.full(n, hz), 0.01, "", np.zeros(0), np.zeros(0))
+    return with_oscillation(fit, scan, name)
+
+
 @pytest.mark.parametrize(("hz", "is_band"), [(0.3, False), (1.2, True), (8.0, True)])
 def test_what_goes_round_often_in_a_trial_is_a_band(
     record: Callable[..., list[Trial]], hz: float, is_band: bool
 ) -> None:
     """A pulse is known by its cycles, ten in a trial; a breath has a few shapes of its own in each."""
-    trials = record(45, plans=study_plans(depths_mm=(0.5,), repeats=3, hold_s=6.0, dwell_s=0.4))
-    fit = fit_baseline(take_in_memory(trials).trials)
-    n = len(fit.trials)
-    scan = OscillationScan(100.0, np.ones(n), hz, np.full(n, hz), 0.01, "", np.zeros(0), np.zeros(0))
-    there = with_oscillation(fit, scan, "oscillation")
+    there = _oscillating(record, "oscillation", hz, repeats=3, hold_s=6.0)
     assert all(bool(s.rhythms) is is_band for s in there.states)
     assert all(bool(len(s.shapes)) is not is_band for s in there.states)
 
 
 def test_a_rhythm_that_shows_no_more_than_is_unsure_is_nothing(record: Callable[..., list[Trial]]) -> None:
     """Its shapes may gain evidence elsewhere; no size of it can be told."""
-    trials = record(45, plans=study_plans(depths_mm=(0.5,), repeats=3, hold_s=6.0, dwell_s=0.4))
-    fit = fit_baseline(take_in_memory(trials).trials)
-    n = len(fit.trials)
-    scan = OscillationScan(100.0, np.ones(n), 0.3, np.full(n, 0.3), 0.01, "", np.zeros(0), np.zeros(0))
-    there = with_oscillation(fit, scan, "respiration")
+    there = _oscillating(record, "respiration", 0.3, repeats=3, hold_s=6.0)
     breathing = Account(there, steps={"respiration": 0.0})
     assert is_nothing(breathing, "respiration")
     states = (replace(s, coefficients=np.full(len(s.coefficients), 0.01)) for s in there.states)
@@ -199,11 +203,7 @@ def test_a_rhythm_that_shows_no_more_than_is_unsure_is_nothing(record: Callable[
 
 def test_a_breath_of_one_cycle_wanders_within_its_trial(record: Callable[..., list[Trial]]) -> None:
     """It is 4 % quicker than where it was found, and swells by a tenth: its shapes follow both."""
-    trials = record(45, plans=study_plans(depths_mm=(0.5,), repeats=3, hold_s=3.0, dwell_s=0.4))
-    fit = fit_baseline(take_in_memory(trials).trials)
-    n = len(fit.trials)
-    scan = OscillationScan(100.0, np.ones(n), 0.25, np.full(n, 0.25), 0.01, "", np.zeros(0), np.zeros(0))
-    there = with_oscillation(fit, scan, "respiration")
+    there = _oscillating(record, "respiration", 0.25, repeats=3, hold_s=3.0)
     for trial, state in zip(there.trials, there.states, strict=True):
         touching = touches(trial, state, there.shared)
         mine = [s for s in state.shapes if s.kind != "harmonic"]
@@ -236,11 +236,7 @@ def test_what_begins_alike_in_all_trials_is_no_breath(
 
     Phases that are as much alike by chance come once in 3000 studies; these are drawn once, by a fixed seed.
     """
-    trials = record(45, plans=study_plans(depths_mm=(0.5,), repeats=12, hold_s=4.0, dwell_s=0.4))
-    fit = fit_baseline(take_in_memory(trials).trials)
-    n = len(fit.trials)
-    scan = OscillationScan(100.0, np.ones(n), 0.3, np.full(n, 0.3), 0.01, "", np.zeros(0), np.zeros(0))
-    there = with_oscillation(fit, scan, "respiration")
+    there = _oscillating(record, "respiration", 0.3, repeats=12, hold_s=4.0)
     random = np.random.default_rng(48)
     states = []
     for trial, state in zip(there.trials, there.states, strict=True):

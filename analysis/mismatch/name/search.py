@@ -98,7 +98,7 @@ def one_for_two(
     for first, second in combinations(laws, 2):
         if first.mechanism.stage != second.mechanism.stage:
             continue
-        others = account.without(first.name).without(second.name).settled()
+        others = account.stripped(first.name).without(second.name).settled()
         step = considered(others, start, {})
         if not step or step[0].name in (first.name, second.name):
             continue

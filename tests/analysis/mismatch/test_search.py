@@ -134,6 +134,8 @@ class _Evidence:
     def without(self, name: str) -> _Evidence:
         return replace(self, names=tuple(n for n in self.names if n != name))
 
+    stripped = without
+
     def settled(self) -> _Evidence:
         return self
 

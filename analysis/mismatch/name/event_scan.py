@@ -83,7 +83,8 @@ def at_rest(trial: CellTrial, phases: Sequence[str], lasts_s: float = 0.0) -> Fl
 
 def inside(spans: FloatArray, times: FloatArray) -> NDArray[np.bool_]:
     """Return which of some times (T,) lie in one of the spans (P, 2)."""
-    return np.any((times[:, None] >= spans[:, 0]) & (times[:, None] < spans[:, 1]), axis=1)
+    lies = (times[:, None] >= spans[:, 0]) & (times[:, None] < spans[:, 1])
+    return np.asarray(lies.any(axis=1), dtype=np.bool_)
 
 
 def within(spans: FloatArray, times: FloatArray) -> FloatArray:

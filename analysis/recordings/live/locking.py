@@ -27,11 +27,22 @@ def is_locked(path: Path) -> bool:
     """Return whether another process holds the lock of a file."""
     if sys.platform == "win32" or not os.access(path, os.W_OK):
         return False
-    with path.open("rb+", buffering=0) as file:
-        try:
-            os.lockf(file.fileno(), os.F_TEST, 0)
-        except (BlockingIOError, PermissionError):
-            return True
-        except OSError:
-            return False  # a file system without locks
-    return False
+    while True:
+        with path.open("rb+", buffering=0) as file:
+            try:
+                os.lockf(file.fileno(), os.F_TEST, 0)
+            except (BlockingIOError, PermissionError):
+                return True
+            except OSError:
+                return False  # a file system without locks
+            # a writer whose file outgrows its room lets go of the old one once the new one stands in its place
+            if _stands_at(path, file):
+                return False
+
+
+def _stands_at(path: Path, file: FileIO) -> bool:
+    """Return whether an open file has not been replaced by another, nor removed and made anew."""
+    try:
+        return os.path.samestat(path.stat(), os.fstat(file.fileno()))
+    except FileNotFoundError:
+        return True  # removed: nobody writes it

@@ -270,15 +270,17 @@ def test_every_sample_written_survives_kill_9(tmp_path):
     rng = np.random.default_rng(1)
     for kill in range(6):
         path = tmp_path / f"{kill}.h5"
-        child = subprocess.Popen([sys.executable, "-c", CHILD, path], stdout=subprocess.PIPE, text=True)
-        assert child.stdout is not None
-        assert child.stdout.readline() == "start\n"
-        time.sleep(float(rng.uniform(0.0, 0.15)))
-        assert is_locked(path)
-        child.send_signal(signal.SIGKILL)
-        acknowledged = re.findall(r"\d+\n", child.stdout.read())
-        child.stdout.close()
-        child.wait()
+        with subprocess.Popen(
+            [sys.executable, "-c", CHILD, path], stdout=subprocess.PIPE, text=True
+        ) as child:
+            try:
+                assert child.stdout is not None
+                assert child.stdout.readline() == "start\n"
+                time.sleep(float(rng.uniform(0.0, 0.15)))
+                assert is_locked(path)
+            finally:
+                child.kill()
+            acknowledged = re.findall(r"\d+\n", child.stdout.read())
         assert not is_locked(path)
         with h5py.File(path, "r") as file:
             written = np.isfinite(file["signals/command_v"][()]).sum()
@@ -293,6 +295,48 @@ def test_every_sample_written_survives_kill_9(tmp_path):
         np.testing.assert_array_equal(trial.force_v, -samples)
         np.testing.assert_array_equal(trial.command_v, 2 * samples)
         assert trial.phases[0].start == 0
+
+
+MOVER = """
+import sys
+import numpy as np
+from pathlib import Path
+from analysis.recordings import TrialHeader, TrialWriter
+from analysis.recordings.trial import Calibration
+
+calibration = Calibration(2.0, 0.0, 0.015, 0.0, 2.0, 0.0)
+writer = TrialWriter(Path(sys.argv[1]), TrialHeader("ramp_hold_retract", "simulated", 8000.0, calibration), 1)
+print("running", flush=True)
+for _ in sys.stdin:
+    writer.append(*np.zeros((3, 2)))
+    print("moved", flush=True)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="an open file can't be replaced there")
+def test_a_file_that_moves_while_it_is_asked_for_its_lock_is_seen_to_be_locked(tmp_path, monkeypatch):
+    """The old file, opened already, is given up once the larger one stands in its place."""
+    path = tmp_path / "t.h5"
+    lockf = os.lockf
+    asked = []
+
+    def moves_first(*wanted):
+        asked.append(wanted)
+        if len(asked) == 1:
+            child.stdin.write("move\n")
+            child.stdin.flush()
+            assert child.stdout.readline() == "moved\n"
+        return lockf(*wanted)
+
+    command = [sys.executable, "-c", MOVER, path]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as child:
+        try:
+            assert child.stdout.readline() == "running\n"
+            monkeypatch.setattr(os, "lockf", moves_first)
+            assert is_locked(path)
+            assert len(asked) == 2
+        finally:
+            child.kill()
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no limit of a file's size there")

@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from analysis.recordings.trial import PHASE_NAMES
 from analysis.simulation.response import Steps
@@ -74,6 +75,20 @@ class CellTrial:
         if self.uneven_s is not None:
             return self.uneven_s
         return np.arange(len(self.full_force_mn)) / self.sample_rate_hz
+
+    def at_samples(self, cells: FloatArray) -> FloatArray:
+        """Return at every sample (N,) what has these averages (n,) in the cells, smoothly.
+
+        It is the slope of a cubic spline through its integral. Lines between the averages would take four hundredths
+        from what comes ten times in a second, and leave them in a residual.
+        """
+        t = self.full_time_s
+        between = np.concatenate(
+            [[1.5 * t[0] - 0.5 * t[1]], 0.5 * (t[1:] + t[:-1]), [1.5 * t[-1] - 0.5 * t[-2]]]
+        )
+        edges = between[np.append(self.starts, len(t))]
+        integral = np.append(0.0, np.cumsum(cells * np.diff(edges)))
+        return np.asarray(CubicSpline(edges, integral)(t, 1))
 
     def span_s(self, cells: IntArray) -> tuple[float, float]:
         """Return when the first of these cells begins and the last ends, s from the trial's first sample."""

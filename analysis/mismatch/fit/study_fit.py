@@ -81,7 +81,7 @@ class StudyFit:
     def full_residual_mn(self, j: int) -> FloatArray:
         """Return what is left of every sample (N,)."""
         t = self.trials[j]
-        return np.asarray(t.full_force_mn - np.interp(t.full_time_s, t.time_s, self.force_mn(j)))
+        return np.asarray(t.full_force_mn - t.at_samples(self.force_mn(j)))
 
     def drawn_residual_mn(self, j: int) -> FloatArray:
         """Return every sample (N,) of the j-th trial's residual with a draw of what is left open of its rhythms.
@@ -91,7 +91,7 @@ class StudyFit:
         trial, residual, rhythms = self.trials[j], self.full_residual_mn(j), self.states[j].rhythms
         drawn = self.whiteners[j].left_open(np.random.default_rng(j)) if rhythms else []
         for rhythm, of_it in zip(rhythms, drawn, strict=True):
-            residual = residual + np.interp(trial.full_time_s, trial.time_s, rhythm.line_mn(of_it))
+            residual = residual + trial.at_samples(rhythm.line_mn(of_it))
         return residual
 
     def with_states(self, rounds: int = ROUNDS, near: StudyFit | None = None) -> StudyFit:

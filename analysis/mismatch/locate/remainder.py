@@ -136,18 +136,19 @@ def _without(account: Account, shape: CommonShape) -> StudyFit:
     """Return the fit to trials from whose force a shape was taken."""
     trials = []
     for trial, force in zip(account.fit.trials, shape.force_mn, strict=True):
-        full = trial.full_force_mn - np.interp(trial.full_time_s, trial.time_s, force)
+        full = trial.full_force_mn - trial.at_samples(force)
         trials.append(replace(trial, force_mn=trial.force_mn - force, full_force_mn=full.astype(np.float32)))
     return replace(account.fit, trials=tuple(trials))
 
 
 def _common(account: Account, bare: Account) -> Remainder:
-    """Weigh the remainder by a bare account's noise, its gain over the account at the account's own."""
+    """Weigh the remainder by a bare account's noise: its gain over the account, by this noise or the account's own."""
     same = bare.fit.noise == account.fit.noise
     here = account if same else account.at_noise(bare.fit.noise)
     left = shape_left(here).gain
     own = own_evidence(here.fit)[0]
     explained = max(here.gain_over(bare)[0], 0.0)
-    lost = here.gain_over(account)[0]
+    # what the other noise gains by itself is nothing left over
+    lost = min(here.gain_over(account)[0], 0.0)
     beyond = max(left, own, 0.0)
     return Remainder(left + lost, own + lost, beyond / max(beyond + explained, 1e-12), NO_BURSTS)

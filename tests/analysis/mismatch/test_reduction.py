@@ -61,3 +61,18 @@ def test_every_sample_as_it_was_taken_is_in_one_cell(trial: Trial, seed: int) ->
     single = cells.counts == 1
     np.testing.assert_allclose(cells.time_s[single], times_s[cells.starts[single]])
     np.testing.assert_allclose(cells.widths_s[single], 1.0 / trial.sample_rate_hz)
+
+
+@pytest.mark.parametrize("hz", [11.0, 25.0])
+def test_cells_give_a_quick_rhythm_back_to_the_samples(trial: Trial, hz: float) -> None:
+    """Lines between the cells' averages would leave a tenth of a millinewton of a tremor of 3 mN."""
+    cells = reduced(trial)
+    wave = np.sin(2.0 * np.pi * hz * cells.full_time_s)
+    averages = np.add.reduceat(wave, cells.starts) / cells.counts
+    back = cells.at_samples(averages)
+    np.testing.assert_allclose(np.add.reduceat(back, cells.starts) / cells.counts, averages, atol=0.01)
+    at_rest = np.repeat(cells.in_phase("hold"), cells.counts.astype(int))
+    within = at_rest & (np.abs(cells.full_time_s - np.median(cells.full_time_s[at_rest])) < 0.3)
+    lost = 1.0 - (back[within] @ wave[within]) / (wave[within] @ wave[within])
+    assert abs(lost) < 0.01
+    assert np.std((back - wave)[within]) < 0.02

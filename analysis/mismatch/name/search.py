@@ -157,8 +157,7 @@ def considered(account: Account, nothing: Account, adds: Mapping[str, float]) ->
     Each is weighed with the noise that itself leaves: an effect that was taken for noise would hide itself.
     """
     few = len(account.fit.trials) < FEWEST_HELD_OUT
-    left = left_over(account, account.gain_over(nothing)[0], adds)
-    least = CLOSE * left
+    to_laws, to_own = left_over(account, account.gain_over(nothing)[0], adds)
     wanted = templates(account.fit.trials, account.names)
     # what was taken for slow noise is found where none is granted; most of all what comes in each trial anew
     quick = account.quick()
@@ -167,8 +166,9 @@ def considered(account: Account, nothing: Account, adds: Mapping[str, float]) ->
     if quick is not account:
         listed.append(law_options(quick, nothing, wanted, settled))
     del settled
+    worth = [worth_trying(some, CLOSE * to_laws, few) for some in listed]
     listed.append(own_options(quick))
-    worth = [worth_trying(some, least, few) for some in listed]
+    worth.append(worth_trying(listed[-1], CLOSE * to_own, few))
     options: dict[str, list[Option]] = {}
     for option in (option for some in worth for option in some):
         options.setdefault(option.name, []).append(option)
@@ -196,7 +196,13 @@ def considered(account: Account, nothing: Account, adds: Mapping[str, float]) ->
                 refitted = begun_again(refitted, law.name, nothing)
             gain, error = refitted.gain_over(account)
         # a gain below its error is one trial's, at the cost of others
+        left = to_own if name in refitted.steps else to_laws
         asked = max(options[name][0].enough, error, SURE * left)
+        if gain >= asked and any(s.rhythms for s in account.fit.states):
+            # a rhythm that was followed anew may be found elsewhere, whatever was added
+            without = refitted.without(name).reweighed()
+            if without.nats > account.nats:
+                gain, error = refitted.gain_over(without)
         if (
             gain >= asked
             and explains_itself(refitted, account, gain, asked)
@@ -261,15 +267,18 @@ def best_first(found: Sequence[Rival]) -> tuple[Rival, ...]:
     return tuple(sorted(listed, key=lambda r: r is not first))
 
 
-def left_over(account: Account, explained: float, adds: Mapping[str, float]) -> float:
-    """Return the nats that an account's effects, which explain so many, leave to others by being inexact.
+def left_over(account: Account, explained: float, adds: Mapping[str, float]) -> tuple[float, float]:
+    """Return the nats that an account's effects, which explain so many, leave by being inexact: to laws, and to others.
 
-    Of few trials none can say how. What comes in each trial anew has no shapes for what it may do besides.
+    Of few trials none can say how. What comes in each trial anew has no shapes for what it may do besides. It leaves
+    something else in each of n trials: a law, the same in all, gains of that what it would in one of them.
     """
-    if len(account.fit.trials) < FEWEST_HELD_OUT:
-        return ROUGH**2 * explained
+    n = len(account.fit.trials)
+    if n < FEWEST_HELD_OUT:
+        return ROUGH**2 * explained, ROUGH**2 * explained
     own = min(sum(adds.get(name, explained) for name in account.steps), explained)
-    return UNFORESEEN**2 * (explained - own) + INEXACT**2 * own
+    of_laws = UNFORESEEN**2 * (explained - own)
+    return of_laws + INEXACT**2 * own / n, of_laws + INEXACT**2 * own
 
 
 def pruned(account: Account, newest: Rival) -> tuple[Account, dict[str, float]]:

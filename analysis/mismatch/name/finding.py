@@ -14,7 +14,7 @@ from analysis.mismatch.fit.law_fit import at_bound, at_ends
 from analysis.mismatch.levels import INEXACT, TEMPER, TWO_ERRORS, WORTH_NAMING
 from analysis.mismatch.model.effects import TISSUE_SIZE, Law
 from analysis.mismatch.name.lines import Line
-from analysis.mismatch.name.own_sizes import SIZE_INEXACT, Quantity, own_sizes
+from analysis.mismatch.name.own_sizes import SIZE_INEXACT, Quantity, own_sizes, unsure_hz
 from analysis.mismatch.name.search import Named, Rival
 from analysis.simulation.mechanism import Mechanism, library
 
@@ -60,7 +60,11 @@ def findings(named: Named, baseline: Account, lines: Sequence[Line]) -> tuple[Fi
             evidence = account.gain_over(account.without(name).reweighed())[0]
         probability, alternatives = weighed(mechanism, named.rivals.get(name, ()), account.names)
         law = next((law for law in account.fit.shared.laws if law.name == name), None)
-        sizes = law_sizes(rough, law) if law is not None else own_sizes(account, mechanism)
+        sizes = (
+            law_sizes(rough, law)
+            if law is not None
+            else own_sizes(account, mechanism, unsure_hz(account, mechanism))
+        )
         found.append(
             Finding(
                 mechanism,

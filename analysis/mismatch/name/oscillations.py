@@ -165,17 +165,22 @@ def _energies(fit: StudyFit, j: int, frequencies_hz: Sequence[float]) -> list[tu
 
 def tuned(fit: StudyFit, j: int, near_hz: float, size_mm: float) -> float:
     """Return the frequency about one at which a steady rhythm with its overtones explains most of the j-th trial."""
+    reach_hz = min(SPACING / coherent_s(near_hz), TUNED_SHARE * near_hz)
+    tried = near_hz + np.linspace(-1.0, 1.0, TUNED) * reach_hz
+    return float(tried[int(np.argmax(steady_gains(fit, j, tried, size_mm)))])
+
+
+def steady_gains(fit: StudyFit, j: int, frequencies_hz: FloatArray, size_mm: float) -> FloatArray:
+    """Return the chi2 (F,) of the j-th trial that a steady rhythm with its overtones explains at each frequency."""
     trial, state = fit.trials[j], fit.states[j]
     touching = touches(trial, state, fit.shared)
     stiffness = state.tissue.stiffness
-    reach_hz = min(SPACING / coherent_s(near_hz), TUNED_SHARE * near_hz)
-    tried = near_hz + np.linspace(-1.0, 1.0, TUNED) * reach_hz
     gains = []
-    for f in tried:
-        white = fit.projectors[j](stiffness * size_mm * waves(trial, float(f)) * touching[:, None])
+    for f in frequencies_hz.tolist():
+        white = fit.projectors[j](stiffness * size_mm * waves(trial, f) * touching[:, None])
         score = fit.projectors[j].residual @ white
         gains.append(float(score @ np.linalg.solve(white.T @ white + np.eye(len(score)), score)))
-    return float(tried[int(np.argmax(gains))])
+    return np.array(gains)
 
 
 def with_oscillation(fit: StudyFit, scan: OscillationScan, name: str) -> StudyFit:

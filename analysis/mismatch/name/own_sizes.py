@@ -12,12 +12,16 @@ from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import INEXACT
 from analysis.mismatch.model.effects import simulate, touches
 from analysis.mismatch.model.rhythm import waves
+from analysis.mismatch.name.oscillations import steady_gains
 from analysis.simulation.mechanism import Mechanism
 
 FloatArray = NDArray[np.float64]
 
 SIZE_INEXACT = INEXACT / np.sqrt(3.0)
 """Standard deviation of what is anywhere within a tenth: so much a law's effect may be off, in all trials alike."""
+
+OTHER, OTHERS = 0.5, 26
+"""Factors by which a slow rhythm's frequency may be another, and how many are tried."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,8 +33,32 @@ class Quantity:
     unit: str
 
 
-def own_sizes(account: Account, mechanism: Mechanism) -> dict[str, Quantity]:
-    """Return the size of an event or an oscillation: mean over the trials that have it, error from their spread."""
+def unsure_hz(account: Account, mechanism: Mechanism) -> float:
+    """Return the standard deviation of a slow rhythm's frequency by its form, Hz; 0 of a band, which has many cycles.
+
+    Its form is right to a tenth: if all trials' frequencies were others by one factor, any would do that explains all
+    but a tenth. Of a cycle or so in tissue that takes up what is slow these are many.
+    """
+    fit, name = account.fit, mechanism.name
+    slow = [j for j, s in enumerate(fit.states) if s.shapes.of(name)] if mechanism.form == "oscillation" else []
+    if not slow:
+        return 0.0
+    without = account.stripped(name).quick().fit
+    factors = np.linspace(1.0 - OTHER, 1.0 + OTHER, OTHERS)
+    explained, found_hz = np.zeros(OTHERS), []
+    for j in slow:
+        shape = fit.states[j].shapes[fit.states[j].shapes.of(name)[0]]
+        explained += steady_gains(without, j, shape.at * factors, float(np.sqrt(shape.prior)))
+        found_hz.append(shape.at)
+    would_do = factors[explained >= (1.0 - INEXACT) * explained.max()]
+    return float(np.median(found_hz) * (np.ptp(would_do) + factors[1] - factors[0]) / np.sqrt(12.0))
+
+
+def own_sizes(account: Account, mechanism: Mechanism, unsure_at: float = 0.0) -> dict[str, Quantity]:
+    """Return the size of an event or an oscillation: mean over the trials that have it, error from their spread.
+
+    ``unsure_at`` is the standard deviation, in all trials alike, of where it is.
+    """
     each = _shape_sizes(account.fit, mechanism) + _rhythm_sizes(account.fit, mechanism)
     sizes, errors, places = (list(values) for values in zip(*each, strict=True))
     unit = 1e3 if mechanism.stage == "specimen" else 1.0
@@ -58,7 +86,7 @@ def own_sizes(account: Account, mechanism: Mechanism) -> dict[str, Quantity]:
         mechanism.amplitude: Quantity(value, error, mechanism.parameter(mechanism.amplitude).unit),
         where.name: Quantity(
             float(np.median(found_at)),
-            float(np.hypot(1.25 * scatter / np.sqrt(len(found_at)), grid)),
+            float(np.sqrt((1.25 * scatter) ** 2 / len(found_at) + grid**2 + unsure_at**2)),
             where.unit,
         ),
     }

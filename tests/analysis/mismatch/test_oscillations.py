@@ -17,14 +17,21 @@ from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.fit.whitener import Whitener
 from analysis.mismatch.model.effects import simulate, tissue_force, touches
 from analysis.mismatch.model.rhythm import Rhythm, waves
-from analysis.mismatch.name.oscillations import OscillationScan, hat_waves, with_oscillation
+from analysis.mismatch.name.oscillations import (
+    OscillationScan,
+    hat_waves,
+    with_oscillation,
+)
+from analysis.mismatch.name.own_sizes import own_sizes, unsure_hz
 from analysis.mismatch.name.search import is_nothing
 from analysis.mismatch.study.intake import take_in_memory
 from analysis.recordings.trial import Trial
+from analysis.simulation.mechanism import library
 from analysis.simulation.response import Steps
 from sim_hardware.concealment.offline import study_plans
 
 NOISE = NoiseModel(0.3, ((0.02, 0.1),))
+BREATH = '[[effects]]\nname = "respiration"\namplitude_um = 20.0\nfrequency_hz = 0.25\n'
 
 
 def _cells(n: int, seed: int = 2) -> SimpleNamespace:
@@ -172,10 +179,11 @@ def test_a_rhythm_of_a_narrow_band_is_found_where_it_is_looked_for(
 
 
 def _oscillating(
-    record: Callable[..., list[Trial]], name: str, hz: float, repeats: int, hold_s: float
+    record: Callable[..., list[Trial]], name: str, hz: float, repeats: int, hold_s: float, effects: str = ""
 ) -> StudyFit:
     """Trials of a skin that rests, fitted as if a scan had found a rhythm of this frequency."""
-    trials = record(45, plans=study_plans(depths_mm=(0.5,), repeats=repeats, hold_s=hold_s, dwell_s=0.4))
+    plans = study_plans(depths_mm=(0.5,), repeats=repeats, hold_s=hold_s, dwell_s=0.4)
+    trials = record(45, effects, plans)
     fit = fit_baseline(take_in_memory(trials).trials)
     n = len(fit.trials)
     scan = OscillationScan(100.0, np.ones(n), hz, np.full(n, hz), 0.01, "", np.zeros(0), np.zeros(0))
@@ -248,3 +256,19 @@ def test_what_begins_alike_in_all_trials_is_no_breath(
         states.append(replace(state, coefficients=found))
     breathing = Account(replace(there, states=tuple(states)), steps={"respiration": 0.0})
     assert is_nothing(breathing, "respiration") is locked
+
+
+def test_a_breath_of_a_cycle_says_little_of_its_frequency(record: Callable[..., list[Trial]]) -> None:
+    """Tissue takes up the slow part of a wave of 0.25 Hz that is there for 4 s; of three waves it takes little."""
+    unsure = []
+    for hold_s in (3.5, 11.5):
+        there = _oscillating(record, "respiration", 0.25, repeats=6, hold_s=hold_s, effects=BREATH)
+        breathing = Account(there.with_population(), steps={"respiration": 0.0})
+        sd_hz = unsure_hz(breathing, library()["respiration"])
+        found = own_sizes(breathing, library()["respiration"], sd_hz)["frequency_hz"]
+        assert abs(found.value - 0.25) < 3.0 * found.se
+        assert found.se >= sd_hz
+        unsure.append(sd_hz)
+    assert unsure[0] > 1.5 * unsure[1] > 0.0
+    # a band has cycles enough
+    assert unsure_hz(breathing, library()["heartbeat"]) == 0.0

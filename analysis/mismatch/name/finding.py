@@ -146,8 +146,9 @@ def law_sizes(account: Account, law: Law) -> dict[str, Quantity]:
     for k, p in enumerate(law.parameters):
         value = law.values[p.name]
         error = abs(p.derivative(value)) * float(errors[at + k])
-        if p.name == law.mechanism.amplitude and law.mechanism.null[p.name] == 0.0:
-            # what is so much off in all phases alike
+        is_size = p.name == law.mechanism.amplitude and law.mechanism.null[p.name] == 0.0
+        if is_size or (p.scale == "log" and p.name != law.mechanism.amplitude):
+            # what is so much off in all phases alike, and a time by which they all go
             error = float(np.hypot(error, SIZE_INEXACT * value))
         if not p.inner:
             found[p.name] = Quantity(value, error, p.unit)

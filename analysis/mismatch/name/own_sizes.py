@@ -40,7 +40,9 @@ def unsure_hz(account: Account, mechanism: Mechanism) -> float:
     but a tenth. Of a cycle or so in tissue that takes up what is slow these are many.
     """
     fit, name = account.fit, mechanism.name
-    slow = [j for j, s in enumerate(fit.states) if s.shapes.of(name)] if mechanism.form == "oscillation" else []
+    slow = (
+        [j for j, s in enumerate(fit.states) if s.shapes.of(name)] if mechanism.form == "oscillation" else []
+    )
     if not slow:
         return 0.0
     without = account.stripped(name).quick().fit

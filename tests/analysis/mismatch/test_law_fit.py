@@ -23,8 +23,11 @@ from analysis.mismatch.fit.law_fit import (
     vector,
     with_room,
 )
+from analysis.mismatch.fit.noise import NoiseModel
 from analysis.mismatch.fit.own import solved
 from analysis.mismatch.model.effects import TISSUE_SIZE, Law, OwnShape, Shared, simulate
+from analysis.mismatch.name.finding import law_sizes
+from analysis.mismatch.name.own_sizes import SIZE_INEXACT
 from analysis.mismatch.study.intake import take_in_memory
 from analysis.recordings.trial import Trial
 from analysis.simulation.mechanism import Mechanism, library
@@ -117,3 +120,14 @@ def test_what_ended_at_a_bound_takes_up_nothing(record: Callable[..., list[Trial
         np.testing.assert_array_equal(with_room(shared), expected)
         column = Account(replace(fit, shared=shared)).columns(0)[:, place]
         assert bool(np.any(column)) == bool(free)
+
+
+def test_a_law_s_size_and_time_are_known_to_its_tenth(record: Callable[..., list[Trial]]) -> None:
+    """However little noise there is: no arm of any skin is right to a hundredth."""
+    arm = library()["third_relaxation"]
+    law = Law(arm, {"ratio_to_k0": 0.2, "time_constant_s": 0.7}, ("ratio_to_k0", "time_constant_s"))
+    fit = fit_baseline(take_in_memory(record(49)).trials)
+    quiet = replace(fit, shared=Shared((law,))).weighed_by(NoiseModel(1e-3))
+    found = law_sizes(Account(quiet), law)
+    for name, value in law.values.items():
+        assert SIZE_INEXACT * value <= found[name].se < 2.0 * SIZE_INEXACT * value

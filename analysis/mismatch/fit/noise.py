@@ -82,6 +82,6 @@ def measure_noise(
     parts = tuple(
         (float(v), t)
         for v, t in zip(share[1:], taus, strict=True)
-        if t < FASTEST_SLOW_S and 4.0 * v * t > 0.3 * 2.0 * white / sample_rate_hz
+        if t < FASTEST_SLOW_S and v > 0.0
     )
     return NoiseModel(float(np.sqrt(white)), parts)

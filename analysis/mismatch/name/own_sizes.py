@@ -21,7 +21,7 @@ SIZE_INEXACT = INEXACT / np.sqrt(3.0)
 """Standard deviation of what is anywhere within a tenth: so much a law's effect may be off, in all trials alike."""
 
 OTHER, OTHERS = 0.5, 26
-"""Factors by which a slow rhythm's frequency may be another, and how many are tried."""
+"""By such a share of itself a slow rhythm's frequency may be another at most, and how many are tried."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -80,8 +80,6 @@ def measure_noise(
         weight = 1.0 / np.maximum(basis @ share, 0.7 * p)
     white = max(float(share[0]), 1e-3 * float(np.median(p)) * sample_rate_hz / 2.0)
     parts = tuple(
-        (float(v), t)
-        for v, t in zip(share[1:], taus, strict=True)
-        if t < FASTEST_SLOW_S and v > 0.0
+        (float(v), t) for v, t in zip(share[1:], taus, strict=True) if t < FASTEST_SLOW_S and v > 0.0
     )
     return NoiseModel(float(np.sqrt(white)), parts)

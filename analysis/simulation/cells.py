@@ -88,7 +88,10 @@ class CellTrial:
         )
         edges = between[np.append(self.starts, len(t))]
         integral = np.append(0.0, np.cumsum(cells * np.diff(edges)))
-        return np.asarray(CubicSpline(edges, integral)(t, 1))
+        found = CubicSpline(edges, integral)(t, 1)
+        alone = self.counts == 1
+        found[self.starts[alone]] = cells[alone]
+        return np.asarray(found)
 
     def span_s(self, cells: IntArray) -> tuple[float, float]:
         """Return when the first of these cells begins and the last ends, s from the trial's first sample."""

@@ -76,3 +76,13 @@ def test_cells_give_a_quick_rhythm_back_to_the_samples(trial: Trial, hz: float) 
     lost = 1.0 - (back[within] @ wave[within]) / (wave[within] @ wave[within])
     assert abs(lost) < 0.01
     assert np.std((back - wave)[within]) < 0.02
+
+
+def test_a_cell_of_one_sample_is_that_sample(trial: Trial) -> None:
+    """Of sparse recordings most are: nothing is left of what was read from the samples themselves."""
+    times_s = np.arange(0.0, trial.time_s[-1], 0.005)
+    cells = reduced(taken_at(trial, times_s))
+    alone = cells.starts[cells.counts == 1]
+    assert len(alone) > 0.5 * len(times_s)
+    back = cells.at_samples(cells.force_mn)
+    np.testing.assert_allclose(back[alone], np.interp(times_s, trial.time_s, trial.force_mn)[alone])

@@ -76,19 +76,21 @@ class CellTrial:
             return self.uneven_s
         return np.arange(len(self.full_force_mn)) / self.sample_rate_hz
 
+    @cached_property
+    def edges_s(self) -> FloatArray:
+        """Where cells begin and the last ends (n + 1,), s: midway between the samples about it."""
+        t, later = self.full_time_s, self.starts[1:]
+        between = 0.5 * (t[later] + t[later - 1])
+        return np.concatenate([[1.5 * t[0] - 0.5 * t[1]], between, [1.5 * t[-1] - 0.5 * t[-2]]])
+
     def at_samples(self, cells: FloatArray) -> FloatArray:
         """Return at every sample (N,) what has these averages (n,) in the cells, smoothly.
 
         It is the slope of a cubic spline through its integral. Lines between the averages would take four hundredths
         from what comes ten times in a second, and leave them in a residual.
         """
-        t = self.full_time_s
-        between = np.concatenate(
-            [[1.5 * t[0] - 0.5 * t[1]], 0.5 * (t[1:] + t[:-1]), [1.5 * t[-1] - 0.5 * t[-2]]]
-        )
-        edges = between[np.append(self.starts, len(t))]
-        integral = np.append(0.0, np.cumsum(cells * np.diff(edges)))
-        found = CubicSpline(edges, integral)(t, 1)
+        integral = np.append(0.0, np.cumsum(cells * np.diff(self.edges_s)))
+        found = CubicSpline(self.edges_s, integral)(self.full_time_s, 1)
         alone = self.counts == 1
         found[self.starts[alone]] = cells[alone]
         return np.asarray(found)

@@ -39,21 +39,20 @@ def unsure_hz(account: Account, mechanism: Mechanism) -> float:
     Its form is right to a tenth: if all trials' frequencies were others by one factor, any would do that explains all
     but a tenth. Of a cycle or so in tissue that takes up what is slow these are many.
     """
-    fit, name = account.fit, mechanism.name
-    slow = (
-        [j for j, s in enumerate(fit.states) if s.shapes.of(name)] if mechanism.form == "oscillation" else []
-    )
+    if mechanism.form != "oscillation":
+        return 0.0
+    of_trials = [
+        (j, state.shapes, state.shapes.of(mechanism.name)) for j, state in enumerate(account.fit.states)
+    ]
+    slow = [(j, shapes[mine[0]]) for j, shapes, mine in of_trials if mine]
     if not slow:
         return 0.0
-    without = account.stripped(name).quick().fit
+    without = account.stripped(mechanism.name).quick().fit
     factors = np.linspace(1.0 - OTHER, 1.0 + OTHER, OTHERS)
-    explained, found_hz = np.zeros(OTHERS), []
-    for j in slow:
-        shape = fit.states[j].shapes[fit.states[j].shapes.of(name)[0]]
-        explained += steady_gains(without, j, shape.at * factors, float(np.sqrt(shape.prior)))
-        found_hz.append(shape.at)
-    would_do = factors[explained >= (1.0 - INEXACT) * explained.max()]
-    return float(np.median(found_hz) * (np.ptp(would_do) + factors[1] - factors[0]) / np.sqrt(12.0))
+    explained = sum(steady_gains(without, j, s.at * factors, float(np.sqrt(s.prior))) for j, s in slow)
+    would_do = factors[explained >= (1.0 - INEXACT) * np.max(explained)]
+    found_hz = float(np.median([s.at for _, s in slow]))
+    return found_hz * float((np.ptp(would_do) + factors[1] - factors[0]) / np.sqrt(12.0))
 
 
 def own_sizes(account: Account, mechanism: Mechanism, unsure_at: float = 0.0) -> dict[str, Quantity]:

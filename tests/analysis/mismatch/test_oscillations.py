@@ -17,11 +17,7 @@ from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.fit.whitener import Whitener
 from analysis.mismatch.model.effects import simulate, tissue_force, touches
 from analysis.mismatch.model.rhythm import Rhythm, waves
-from analysis.mismatch.name.oscillations import (
-    OscillationScan,
-    hat_waves,
-    with_oscillation,
-)
+from analysis.mismatch.name.oscillations import OscillationScan, hat_waves, with_oscillation
 from analysis.mismatch.name.own_sizes import own_sizes, unsure_hz
 from analysis.mismatch.name.search import is_nothing
 from analysis.mismatch.study.intake import take_in_memory

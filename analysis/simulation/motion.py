@@ -15,7 +15,7 @@ from scipy.optimize import least_squares
 
 from analysis.recordings.trial import Trial
 from analysis.simulation.servo import DEFAULT_DAMPING_RATIO, DEFAULT_NATURAL_FREQUENCY_RAD_S, follow
-from analysis.simulation.smoothing import smoothed, width_for_acceleration
+from analysis.simulation.smoothing import smoothed, steady_velocity, width_for_acceleration, width_for_rest
 from analysis.simulation.straight import straightened
 
 FloatArray = NDArray[np.float64]
@@ -154,7 +154,8 @@ def estimate_motion(
 
     ``held`` are natural frequency and damping ratio of a servo whose command stands from sample to sample.
 
-    The rest is smoothed over 0.8 ms near kinks, where it may be fast, and over 5 ms elsewhere. Without a
+    The rest is smoothed over 0.8 ms near kinks, where it may be fast, and over 5 ms elsewhere, or as much more as it
+    bears: what stays of its noise would be a force in contact. Without a
     command the recorded position itself is smoothed so.
     """
     rate, recorded = trial.sample_rate_hz, trial.position_mm
@@ -184,11 +185,9 @@ def estimate_motion(
         near[max(0, k - half) : k + half] = 1.0
     near = gaussian_filter1d(near, max(1.0, half / 4))
     fast = smoothed(rest, max(0.3, FAST_SMOOTHING_S * rate))
-    slow = smoothed(rest, max(0.3, SLOW_SMOOTHING_S * rate))
+    slow = smoothed(rest, width_for_rest(rest, 1.0 - near, max(0.3, SLOW_SMOOTHING_S * rate)))
     smooth = near * fast + (1.0 - near) * slow
-    # a resting arm's velocity must be nearer to zero than friction can tell from zero
-    steady = smoothed(rest, max(0.3, RATE_SMOOTHING_S * rate))
-    rest_v = np.gradient(steady) * rate
+    rest_v = steady_velocity(rest, max(0.3, RATE_SMOOTHING_S * rate)) * rate
     if trial.command_mm is None:
         rest_v = near * np.gradient(smoothed(rest, max(0.5, 0.002 * rate))) * rate + (1.0 - near) * rest_v
     if unknown is not None:

@@ -6,23 +6,43 @@ from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
+from scipy.signal import oaconvolve
+from scipy.signal.windows import gaussian
 
 FloatArray = NDArray[np.float64]
 
 WIDTHS_SAMPLES = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0, 16.0, 32.0, 64.0)
 NOISE_ORDER = 4
 REACH = 5.0
+ENDS = 4.0
+"""Widths at which a Gaussian is cut off: beyond lies less than a ten thousandth of it."""
+WIDEST_SHARE = 0.02
+"""Of a recording: a wider Gaussian would see its ends everywhere."""
 
 
 def smoothed(signal: FloatArray, width_samples: float) -> FloatArray:
     """Return a signal (N,) smoothed by a Gaussian, going on past its ends as it went up to them.
 
-    A recording may begin or end in motion; mirrored there, it would turn round within a sample.
+    A recording may begin or end in motion; mirrored there, it would turn round within a sample. It is turned about
+    where a line through its last samples ends: about the last one, that sample's noise would be a motion.
     """
     pad = min(len(signal) - 1, int(np.ceil(REACH * width_samples)) + 1)
-    longer = np.pad(signal, pad, mode="reflect", reflect_type="odd")
-    return np.asarray(gaussian_filter1d(longer, width_samples)[pad : pad + len(signal)])
+    before = 2.0 * _end(signal[::-1], width_samples) - signal[pad:0:-1]
+    after = 2.0 * _end(signal, width_samples) - signal[-2 : -pad - 2 : -1]
+    longer = np.concatenate([before, signal, after])
+    return np.asarray(oaconvolve(longer, _kernel(width_samples), mode="same")[pad : pad + len(signal)])
+
+
+def _end(signal: FloatArray, width_samples: float) -> float:
+    """Return where a line through as many of the last samples as a Gaussian spans ends."""
+    last = signal[-max(int(2.0 * width_samples), 2) :]
+    k = np.arange(len(last)) - 0.5 * (len(last) - 1)
+    return float(last.mean() + k[-1] * (k @ last) / (k @ k))
+
+
+def _kernel(width_samples: float) -> FloatArray:
+    weights = np.asarray(gaussian(2 * int(ENDS * width_samples + 0.5) + 1, width_samples))
+    return weights / weights.sum()
 
 
 def sample_noise(signal: FloatArray) -> float:
@@ -55,6 +75,36 @@ def width_for_acceleration(position: FloatArray) -> float:
         if risk < smallest:
             best, smallest = width, risk
     return 0.5 * best
+
+
+def width_for_rest(position: FloatArray, counts: FloatArray, least_samples: float) -> float:
+    """Return the Gaussian width (samples) with which a position (N,) comes nearest to where the arm was.
+
+    At least ``least_samples``; ``counts`` (N,) says how much each sample counts. The error is estimated without bias:
+    what smoothing takes away, less what of it is noise, plus the noise that stays (Stein 1981, for a linear smoother
+    under white noise). Noise that stays is no motion, and would be a force in contact.
+    """
+    noise = sample_noise(position)
+    best, smallest, width = least_samples, np.inf, least_samples
+    while width <= max(WIDEST_SHARE * len(position), least_samples):
+        taken = smoothed(position, width) - position
+        risk = float(np.average(taken**2, weights=counts)) + 2.0 * noise**2 * float(_kernel(width).max())
+        if risk < smallest:
+            best, smallest = width, risk
+        width *= 2.0
+    return best
+
+
+def steady_velocity(position: FloatArray, width_samples: float) -> FloatArray:
+    """Return the velocity (N,) of a smoothed position (N,), a sample, none where it is no more than its noise.
+
+    What rests wanders as far in a minute as the noise of its velocity makes it, and bristles would bend and slide by
+    that. The soft threshold is the universal one (Donoho and Johnstone, Biometrika 81:425, 1994).
+    """
+    velocity = np.gradient(smoothed(position, width_samples))
+    noise = sample_noise(position) * float(np.linalg.norm(np.gradient(_kernel(width_samples))))
+    threshold = noise * np.sqrt(2.0 * np.log(len(position)))
+    return np.asarray(np.sign(velocity) * np.maximum(np.abs(velocity) - threshold, 0.0))
 
 
 def _second(signal: FloatArray) -> FloatArray:

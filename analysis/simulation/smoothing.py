@@ -41,8 +41,8 @@ def _end(signal: FloatArray, width_samples: float) -> float:
 
 
 def _kernel(width_samples: float) -> FloatArray:
-    weights = np.asarray(gaussian(2 * int(ENDS * width_samples + 0.5) + 1, width_samples))
-    return weights / weights.sum()
+    weights = gaussian(2 * int(ENDS * width_samples + 0.5) + 1, width_samples)
+    return np.asarray(weights / weights.sum())
 
 
 def sample_noise(signal: FloatArray) -> float:

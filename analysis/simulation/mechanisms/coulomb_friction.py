@@ -9,17 +9,26 @@ from analysis.simulation.cells import CellTrial
 from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Values
 
 RESTING_MM_S = 0.15
+HELD_S = 0.03
 NEVER = 1e-9
 """A rate (1/s) at which nothing happens."""
 
 
 @njit(cache=True)
-def _bristle_force(velocity: FloatArray, step_s: FloatArray, bristle_mm: float, fades: float) -> FloatArray:
+def _bristle_force(
+    velocity: FloatArray,
+    step_s: FloatArray,
+    bristle_mm: float,
+    fades: float,
+    creeping: float,
+    creeping_mm_s: float,
+) -> FloatArray:
     out = np.empty_like(velocity)
     z = 0.0
     for i in range(velocity.shape[0]):
         v = velocity[i]
-        slide = abs(v) / bristle_mm
+        # dz/dt = v / l (1 - |z| / g(v)), g what they hold when they slide: the more the slower
+        slide = abs(v) / bristle_mm / (1.0 + creeping * np.exp(-((v / creeping_mm_s) ** 2)))
         fade = np.exp(-((v / RESTING_MM_S) ** 2)) * fades
         rate = slide + fade + NEVER
         settled = v / bristle_mm / rate
@@ -33,9 +42,11 @@ def _bristle_force(velocity: FloatArray, step_s: FloatArray, bristle_mm: float, 
 class CoulombFriction(Mechanism):
     """F gains Fc sign(dx/dt), built up over a little travel and let go over a little time.
 
-    The sign is that of Dahl's bristles: they bend over a share ``bristle`` of the study's depth before they slide, and
-    at rest they carry a share ``carried`` of what they hold on and on, while the other fades with ``fade_ms``. All
-    towards zero is the textbook's sign function.
+    The sign is that of Dahl's bristles, which bend over a share of the study's depth before they slide. Some are as
+    short as ``bristle`` and let go of what they hold within ``fade_ms`` at rest; a share ``longer`` of them is
+    ``bend`` long and holds a share ``held`` of it after 30 ms. At creeping speed all hold a share ``creeping`` more
+    (Stribeck), less of it from ``creeping_mm_s`` on. The textbook's sign function has short ones only, which let go at
+    once and hold no more.
     """
 
     name = "coulomb_friction"
@@ -44,26 +55,42 @@ class CoulombFriction(Mechanism):
         Parameter("force_mn", "mN", 0.0, 1.0e6),
         Parameter("bristle", "1", 2e-5, 0.05, "log", inner=True),
         Parameter("fade_ms", "ms", 0.1, 1.0e4, "log", inner=True),
-        Parameter("carried", "1", 0.0, 1.0, inner=True),
+        Parameter("longer", "1", 0.0, 1.0, inner=True),
+        Parameter("bend", "1", 2e-5, 0.05, "log", inner=True),
+        Parameter("held", "1", 1e-6, 1.0, inner=True),
+        Parameter("creeping", "1", 0.0, 1.0, inner=True),
+        Parameter("creeping_mm_s", "mm/s", 0.05, 20.0, "log", inner=True),
     )
     amplitude = "force_mn"
-    null = {"force_mn": 0.0, "bristle": 1e-4, "fade_ms": 1.0, "carried": 0.0}
+    typical = {
+        "force_mn": 1.0,
+        "bristle": 1e-4,
+        "fade_ms": 1.0,
+        "longer": 0.0,
+        "bend": 2e-3,
+        "held": 0.5,
+        "creeping": 0.0,
+        "creeping_mm_s": 1.0,
+    }
+    null = {**typical, "force_mn": 0.0}
     probes = (
-        {"force_mn": 0.1, "bristle": 1e-4, "fade_ms": 1.0, "carried": 0.0},
-        {"force_mn": 0.1, "bristle": 2e-3, "fade_ms": 30.0, "carried": 0.0},
-        {"force_mn": 0.1, "bristle": 2e-3, "fade_ms": 30.0, "carried": 1.0},
+        {**typical, "force_mn": 0.1},
+        {**typical, "force_mn": 0.1, "bristle": 2e-3, "fade_ms": 30.0},
+        {**typical, "force_mn": 0.1, "longer": 1.0, "held": 1.0},
     )
-    typical = {"force_mn": 1.0, "bristle": 1e-4, "fade_ms": 1.0, "carried": 0.0}
     needs_contact = False
     words = "dry friction in the bearing: a force that opposes motion and does not depend on its speed"
-    source = "Coulomb's law; onset and release after Dahl (1968)"
+    source = "Coulomb's law; onset and release after Dahl (1968), creep after Canudas de Wit et al. (1995)"
     separated_by = "air_sweep"
 
     def sensor_force_mn(self, trial: CellTrial, force_mn: FloatArray, p: Values) -> FloatArray:
         """F + Fc z."""
-        v, step_s = trial.velocity_mm_s, trial.widths_s
-        bristle_mm = p["bristle"] * trial.study_depth_mm
-        z = (1.0 - p["carried"]) * _bristle_force(v, step_s, bristle_mm, 1e3 / p["fade_ms"])
-        if p["carried"]:
-            z += p["carried"] * _bristle_force(v, step_s, bristle_mm, 0.0)
+
+        def bent(bend: float, fades: float) -> FloatArray:
+            lengths = bend * trial.study_depth_mm, fades, p["creeping"], p["creeping_mm_s"]
+            return _bristle_force(trial.velocity_mm_s, trial.widths_s, *lengths)
+
+        z = (1.0 - p["longer"]) * bent(p["bristle"], 1e3 / p["fade_ms"])
+        if p["longer"]:
+            z += p["longer"] * bent(p["bend"], -np.log(p["held"]) / HELD_S)
         return np.asarray(force_mn + p["force_mn"] * z)

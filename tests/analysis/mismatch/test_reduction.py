@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from analysis.recordings.trial import NativeSamples, Trial
 from analysis.simulation.cells import CellTrial
-from analysis.simulation.mechanism import library
 from analysis.simulation.motion import SLOW_SMOOTHING_S, estimate_motion
 from analysis.simulation.reduction import reduce_trial
 from sim_hardware.concealment.offline import study_plans
@@ -89,8 +88,8 @@ def test_a_cell_of_one_sample_is_that_sample(trial: Trial) -> None:
     np.testing.assert_allclose(back[alone], np.interp(times_s, trial.time_s, trial.force_mn)[alone])
 
 
-def test_friction_that_bristles_hold_stays_through_a_noisy_hold(record: Callable[..., list[Trial]]) -> None:
-    """The noise of a recorded position bent and unbent bristles by microns: what they held was lost in the hold."""
+def test_the_noise_of_a_position_is_no_motion_in_a_hold(record: Callable[..., list[Trial]]) -> None:
+    """It would be a force in contact, and bend the bristles of a bearing until they hold nothing."""
     (trial,) = record(45, plans=study_plans(depths_mm=(0.5,), repeats=1, hold_s=7.0, dwell_s=0.5))
     motion = estimate_motion(trial)
     hold = trial.phase("hold")
@@ -98,12 +97,4 @@ def test_friction_that_bristles_hold_stays_through_a_noisy_hold(record: Callable
     inside = slice(hold.start + 800, hold.stop - 800)
     left_by_5_ms_mm = 2.5e-4 / np.sqrt(2.0 * np.sqrt(np.pi) * SLOW_SMOOTHING_S * trial.sample_rate_hz)
     assert np.std(motion.position_mm[inside]) < 0.7 * left_by_5_ms_mm
-    friction = library()["coulomb_friction"]
-    cells = reduce_trial(trial, motion)
-    held = friction.sensor_force_mn(
-        cells,
-        np.zeros_like(cells.time_s),
-        {**friction.null, "force_mn": 2.0, "bristle": 2e-3, "carried": 1.0},
-    )
-    in_hold = held[cells.in_phase("hold")]
-    assert in_hold[-10:].mean() == pytest.approx(2.0, rel=0.01)
+    assert np.abs(motion.velocity_mm_s[inside]).mean() < 1e-5

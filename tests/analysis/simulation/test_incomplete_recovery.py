@@ -48,3 +48,27 @@ def test_force_lacks_what_is_left_of_the_load_and_no_more_than_there_is(
     lacking = simulate_force(trial, TISSUE, own, [(law, {"fraction": fraction, "time_constant_s": T})])
     load_mn = fraction * TISSUE.k0 * 0.4 * np.exp(-(rest_s + trial.time_s) / T)
     np.testing.assert_allclose(lacking, np.maximum(plain - load_mn, 0.0), atol=1e-9)
+
+
+def test_a_dimple_is_a_surface_that_lies_lower_and_fills(trials: tuple[CellTrial, ...]) -> None:
+    trial = replace(trials[1], pressed_before=(0.4, 5.0))
+    own, law = PerTrial(trial.z0_start_mm, 0.0), library()["incomplete_recovery"]
+    values = {"fraction": 0.1, "time_constant_s": 10.0, "dimple": 1.0}
+    lower_mm = 0.1 * 0.4 * np.exp(-(5.0 + trial.time_s) / 10.0)
+    in_a_dimple = simulate_force(trial, TISSUE, own, [(law, values)])
+    np.testing.assert_allclose(
+        in_a_dimple, simulate_force(trial, TISSUE, own, surface_mm=-lower_mm), atol=1e-9
+    )
+
+
+def test_what_is_lacked_within_a_reach_is_lacked_beyond_it(trials: tuple[CellTrial, ...]) -> None:
+    trial = replace(trials[1], pressed_before=(0.4, 5.0))
+    own, law = PerTrial(trial.z0_start_mm, 0.0), library()["incomplete_recovery"]
+    values = {"fraction": 0.1, "time_constant_s": 1000.0}
+    at_once, later = (
+        simulate_force(trial, TISSUE, own, [(law, {**values, "reach": reach})]) for reach in (1e-4, 0.02)
+    )
+    touched = np.flatnonzero(later > 0.0)
+    begins, pressed = touched[0], trial.in_phase("hold")
+    assert later[begins] > at_once[begins]
+    np.testing.assert_allclose(later[pressed], at_once[pressed], atol=1e-6)

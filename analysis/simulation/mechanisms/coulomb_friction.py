@@ -10,6 +10,8 @@ from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Valu
 
 RESTING_MM_S = 0.15
 HELD_S = 0.03
+STILL_MM_S = 1e-6
+"""Slower than this a bearing rests: a line that was commanded through rounded codes is as flat as that."""
 NEVER = 1e-9
 """A rate (1/s) at which nothing happens."""
 
@@ -27,11 +29,13 @@ def _bristle_force(
     z = 0.0
     for i in range(velocity.shape[0]):
         v = velocity[i]
-        # dz/dt = v / l (1 - |z| / g(v)), g what they hold when they slide: the more the slower
-        slide = abs(v) / bristle_mm / (1.0 + creeping * np.exp(-((v / creeping_mm_s) ** 2)))
-        fade = np.exp(-((v / RESTING_MM_S) ** 2)) * fades
-        rate = slide + fade + NEVER
-        settled = v / bristle_mm / rate
+        rate = fades + NEVER
+        settled = 0.0
+        if abs(v) > STILL_MM_S:
+            # dz/dt = v / l (1 - |z| / g(v)), g what they hold when they slide: the more the slower
+            slide = abs(v) / bristle_mm / (1.0 + creeping * np.exp(-((v / creeping_mm_s) ** 2)))
+            rate = slide + np.exp(-((v / RESTING_MM_S) ** 2)) * fades + NEVER
+            settled = v / bristle_mm / rate
         decay = np.exp(-rate * step_s[i])
         share = (1.0 - decay) / (rate * step_s[i])
         out[i] = settled + (z - settled) * share

@@ -195,8 +195,11 @@ def considered(account: Account, nothing: Account, adds: Mapping[str, float]) ->
             for law in refitted.fit.shared.laws:
                 refitted = begun_again(refitted, law.name, nothing)
             gain, error = refitted.gain_over(account)
-        # a gain below its error is one trial's, at the cost of others
         left = to_own if name in refitted.steps else to_laws
+        freed = frees(refitted, account) and gain >= options[name][0].enough
+        if freed:
+            gain, error = refitted.gain_over(account.exact.weighed_anew())
+        # a gain below its error is one trial's, at the cost of others
         asked = max(options[name][0].enough, error, SURE * left)
         if gain >= asked and any(s.rhythms for s in account.fit.states):
             # a rhythm that was followed anew may be found elsewhere, whatever was added
@@ -205,7 +208,7 @@ def considered(account: Account, nothing: Account, adds: Mapping[str, float]) ->
                 gain, error = refitted.gain_over(without)
         if (
             gain >= asked
-            and explains_itself(refitted, account, gain, asked)
+            and (freed or explains_itself(refitted, account, gain, asked))
             and not (name in refitted.steps and stands_for_shape(account, gain))
         ):
             found.append(Rival(name, gain, error, refitted.let_go(), left))
@@ -221,6 +224,14 @@ def explains_itself(account: Account, before: Account, gain: float, asked: float
         return gain - max(account.granted - before.granted, 0.0) >= KEPT * gain
     share = max(account.rough.inexact, before.rough.inexact)
     return account.rough.off_by(share).gain_over(before.rough.off_by(share))[0] >= asked
+
+
+def frees(account: Account, before: Account) -> bool:
+    """Return whether laws that were granted to be off are exact with what was added: they were off for want of it.
+
+    What laws leave by being off themselves no other takes up to the last: it would have to be all that they leave.
+    """
+    return before.inexact > 0.0 and not account.inexact
 
 
 def stands_for_shape(without: Account, gain: float) -> bool:

@@ -24,6 +24,7 @@ from analysis.mismatch.name.search import (
     begun_again,
     best_first,
     explains_itself,
+    frees,
     instead,
     left_over,
     pruned,
@@ -109,6 +110,14 @@ def test_what_a_law_may_leave_by_being_off_names_no_other() -> None:
     assert not explains_itself(companion, before, 400.0, 25.0)
     missing = _account([100.0] * 4, [180.0] * 4)
     assert explains_itself(missing, before, 400.0, 25.0)
+
+
+def test_what_laws_were_off_for_want_of_frees_them() -> None:
+    off, exact = (replace(_account([0.0] * 4, [0.0] * 4), inexact=share) for share in (INEXACT, 0.0))
+    assert frees(exact, off)
+    # they are as far off with it, or were exact before
+    assert not frees(off, off)
+    assert not frees(exact, exact)
 
 
 def test_what_comes_in_each_trial_anew_leaves_more_than_a_law_whose_inexactness_is_granted() -> None:

@@ -120,6 +120,20 @@ def test_what_laws_were_off_for_want_of_frees_them() -> None:
     assert not frees(exact, exact)
 
 
+def test_each_form_that_a_law_may_take_has_its_price(record: Callable[..., list[Trial]]) -> None:
+    """A law of no size takes any of its forms without a trace, so that nothing held out tells against the best."""
+    account = Account(fit_baseline(take_in_memory(record(52)).trials))
+    friction = library()["coulomb_friction"]
+    values = {**friction.null, "force_mn": 1e-9}
+    inner = [p.name for p in friction.parameters if p.inner]
+
+    def nats(free: tuple[str, ...]) -> float:
+        shared = replace(account.fit.shared, laws=(Law(friction, values, free),))
+        return replace(account, fit=replace(account.fit, shared=shared)).nats
+
+    assert nats(("force_mn",)) - nats(("force_mn", *inner)) == pytest.approx(len(inner), abs=0.1)
+
+
 def test_what_comes_in_each_trial_anew_leaves_more_than_a_law_whose_inexactness_is_granted() -> None:
     law = _account([0.0] * 4, [0.0] * 4)
     beside = replace(law, steps={"slip": 5.0})

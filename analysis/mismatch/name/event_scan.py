@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from analysis.mismatch.name.events import (
     SETTLES,
     SETTLES_S,
     Event,
+    EventScan,
     bent_shapes,
     drop_goes_on,
     event_shape,
@@ -45,26 +46,6 @@ FINER = (0.8, 0.2, 0.05, 0.012)
 """Widths, in gaps between times, of the looks that are taken about the best."""
 AFTER = 0.03
 """Share of a phase that must follow a step."""
-
-
-@dataclass(frozen=True)
-class EventScan:
-    """What all trials say of one kind of step: evidence in nats, share of trials, size, and each trial's own (n,).
-
-    ``times_s`` and ``coefficients`` are the most probable time and size (in the unit of the state) of a step there.
-    Where it is what took the skin off a punch that dwells on it, ``gaps_mm`` is by how much.
-    """
-
-    event: Event
-    evidence: float
-    by_trial: FloatArray
-    share: float
-    size: float
-    probability: FloatArray
-    times_s: FloatArray
-    forms: FloatArray
-    gaps_mm: FloatArray
-    coefficients: FloatArray
 
 
 def at_rest(trial: CellTrial, phases: Sequence[str], lasts_s: float = 0.0) -> FloatArray:

@@ -49,6 +49,26 @@ class Event:
         return self.acts == "share"
 
 
+@dataclass(frozen=True)
+class EventScan:
+    """What all trials say of one kind of step: evidence in nats, share of trials, size, and each trial's own (n,).
+
+    ``times_s`` and ``coefficients`` are the most probable time and size (in the unit of the state) of a step there.
+    Where it is what took the skin off a punch that dwells on it, ``gaps_mm`` is by how much.
+    """
+
+    event: Event
+    evidence: float
+    by_trial: FloatArray
+    share: float
+    size: float
+    probability: FloatArray
+    times_s: FloatArray
+    forms: FloatArray
+    gaps_mm: FloatArray
+    coefficients: FloatArray
+
+
 EVENTS = (
     Event("slip", "share", 1.0, SLIPS_S, ("hold",)),
     Event("motion_artefact", "surface", 1e-3, SHIFTS_S, ("dwell", "hold")),

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from analysis.mismatch.evidence.account import Account
+from analysis.mismatch.evidence.left_over import explains_itself, frees, left_over
 from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.fit.noise import NoiseModel
 from analysis.mismatch.fit.study_fit import StudyFit
@@ -23,10 +24,7 @@ from analysis.mismatch.name.search import (
     Rival,
     begun_again,
     best_first,
-    explains_itself,
-    frees,
     instead,
-    left_over,
     pruned,
     stands_for_shape,
 )

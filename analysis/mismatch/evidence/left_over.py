@@ -1,0 +1,41 @@
+"""What laws leave by being off, and whether another effect is more than that."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from analysis.mismatch.evidence.account import Account
+from analysis.mismatch.levels import FEWEST_HELD_OUT, INEXACT, KEPT, ROUGH, UNFORESEEN
+
+
+def left_over(account: Account, explained: float, adds: Mapping[str, float]) -> tuple[float, float]:
+    """Return the nats that an account's effects, which explain so many, leave by being inexact: to laws, and to others.
+
+    Of few trials none can say how. What comes in each trial anew has no shapes for what it may do besides. It leaves
+    something else in each of n trials: a law, the same in all, gains of that what it would in one of them.
+    """
+    n = len(account.fit.trials)
+    if n < FEWEST_HELD_OUT:
+        return ROUGH**2 * explained, ROUGH**2 * explained
+    own = min(sum(adds.get(name, explained) for name in account.steps), explained)
+    of_laws = UNFORESEEN**2 * (explained - own)
+    return of_laws + INEXACT**2 * own / n, of_laws + INEXACT**2 * own
+
+
+def explains_itself(account: Account, before: Account, gain: float, asked: float) -> bool:
+    """Return whether what an account gains over the one before is not just what laws may be off by.
+
+    The laws before it are granted to be as much off without it as with it. The first law is to be nearly right itself.
+    """
+    if not before.fit.shared.laws or len(account.fit.trials) < FEWEST_HELD_OUT:
+        return gain - max(account.granted - before.granted, 0.0) >= KEPT * gain
+    share = max(account.rough.inexact, before.rough.inexact)
+    return account.rough.off_by(share).gain_over(before.rough.off_by(share))[0] >= asked
+
+
+def frees(account: Account, before: Account) -> bool:
+    """Return whether laws that were granted to be off are exact with what was added: they were off for want of it.
+
+    What laws leave by being off themselves no other takes up to the last: it would have to be all that they leave.
+    """
+    return before.inexact > 0.0 and not account.inexact

@@ -24,9 +24,10 @@ def _bristle_force(
     fades: float,
     creeping: float,
     creeping_mm_s: float,
+    before: float,
 ) -> FloatArray:
     out = np.empty_like(velocity)
-    z = 0.0
+    z = before
     for i in range(velocity.shape[0]):
         v = velocity[i]
         rate = fades + NEVER
@@ -48,9 +49,9 @@ class CoulombFriction(Mechanism):
 
     The sign is that of Dahl's bristles, which bend over a share of the study's depth before they slide. Some are as
     short as ``bristle`` and let go of what they hold within ``fade_ms`` at rest; a share ``longer`` of them is
-    ``bend`` long and holds a share ``held`` of it after 30 ms. At creeping speed all hold a share ``creeping`` more
-    (Stribeck), less of it from ``creeping_mm_s`` on. The textbook's sign function has short ones only, which let go at
-    once and hold no more.
+    ``bend`` long and holds a share ``held`` of it after 30 ms; when the trial begins a share ``before`` of it, by the
+    motion before that. At creeping speed all hold a share ``creeping`` more (Stribeck), less of it from
+    ``creeping_mm_s`` on. The textbook's sign function has short ones only, which let go at once and hold no more.
     """
 
     name = "coulomb_friction"
@@ -62,6 +63,7 @@ class CoulombFriction(Mechanism):
         Parameter("longer", "1", 0.0, 1.0, inner=True),
         Parameter("bend", "1", 2e-5, 0.05, "log", inner=True),
         Parameter("held", "1", 1e-6, 1.0, inner=True),
+        Parameter("before", "1", -1.0, 1.0, inner=True),
         Parameter("creeping", "1", 0.0, 1.0, inner=True),
         Parameter("creeping_mm_s", "mm/s", 0.05, 20.0, "log", inner=True),
     )
@@ -73,6 +75,7 @@ class CoulombFriction(Mechanism):
         "longer": 0.0,
         "bend": 2e-3,
         "held": 0.5,
+        "before": 0.0,
         "creeping": 0.0,
         "creeping_mm_s": 1.0,
     }
@@ -81,6 +84,7 @@ class CoulombFriction(Mechanism):
         {**typical, "force_mn": 0.1},
         {**typical, "force_mn": 0.1, "bristle": 2e-3, "fade_ms": 30.0},
         {**typical, "force_mn": 0.1, "longer": 1.0, "held": 1.0},
+        {**typical, "force_mn": 0.1, "longer": 1.0, "held": 1.0, "before": -0.9},
     )
     needs_contact = False
     words = "dry friction in the bearing: a force that opposes motion and does not depend on its speed"
@@ -90,11 +94,11 @@ class CoulombFriction(Mechanism):
     def sensor_force_mn(self, trial: CellTrial, force_mn: FloatArray, p: Values) -> FloatArray:
         """F + Fc z."""
 
-        def bent(bend: float, fades: float) -> FloatArray:
-            lengths = bend * trial.study_depth_mm, fades, p["creeping"], p["creeping_mm_s"]
+        def bent(bend: float, fades: float, before: float) -> FloatArray:
+            lengths = bend * trial.study_depth_mm, fades, p["creeping"], p["creeping_mm_s"], before
             return _bristle_force(trial.velocity_mm_s, trial.widths_s, *lengths)
 
-        z = (1.0 - p["longer"]) * bent(p["bristle"], 1e3 / p["fade_ms"])
+        z = (1.0 - p["longer"]) * bent(p["bristle"], 1e3 / p["fade_ms"], 0.0)
         if p["longer"]:
-            z += p["longer"] * bent(p["bend"], -np.log(p["held"]) / HELD_S)
+            z += p["longer"] * bent(p["bend"], -np.log(p["held"]) / HELD_S, p["before"])
         return np.asarray(force_mn + p["force_mn"] * z)

@@ -84,3 +84,11 @@ def test_a_bearing_whose_friction_begins_and_ends_gradually_is_within_the_law(
     start = np.array([p.to_fit(typical[p.name]) for p in free])
     found = least_squares(left_mn, start, bounds=np.array([p.ends for p in free]).T, diff_step=1e-3)
     assert np.linalg.norm(found.fun) < 0.02 * np.linalg.norm(added_mn * weights)
+
+
+def test_bristles_hold_what_the_motion_before_the_trial_left(trial: CellTrial) -> None:
+    left = felt(trial, **{**HELD, "before": -0.8})
+    assert left[0] == pytest.approx(-1.6, rel=0.02)
+    # once they have slid, nothing tells what they held
+    moved = trial.in_phase("hold")
+    np.testing.assert_allclose(left[moved], felt(trial, **HELD)[moved], atol=1e-6)

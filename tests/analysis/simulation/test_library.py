@@ -119,3 +119,15 @@ def test_compliance_before_a_rigid_block_is_two_springs_in_series() -> None:
     # a block is as stiff as its trial states, where nothing else is asked for
     stated = simulate_force(replace(block, target_stiffness_mn_per_mm=3e4), TISSUE, PerTrial(0.0, 0.0))
     assert np.polyfit(x[-50:], stated[-50:], 1)[0] == pytest.approx(3e4, rel=1e-3)
+
+
+def test_a_dashpot_in_series_with_a_spring_is_a_quick_arm(trial: CellTrial) -> None:
+    own = PerTrial(trial.z0_start_mm, trial.offset_start_mn)
+    c, settle_s = 0.4, 2e-3
+    laws = [
+        ("parallel_dashpot", {"coefficient_mn_s_per_mm": c, "settle_ms": 1e3 * settle_s}),
+        ("third_relaxation", {"ratio_to_k0": c / settle_s / TISSUE.k0, "time_constant_s": settle_s}),
+    ]
+    dashpot, arm = (simulate_force(trial, TISSUE, own, [(library()[name], values)]) for name, values in laws)
+    plain = simulate_force(trial, TISSUE, own)
+    assert np.linalg.norm(dashpot - arm) < 0.02 * np.linalg.norm(arm - plain)

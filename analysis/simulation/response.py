@@ -75,3 +75,31 @@ def arm_force(drive: FloatArray, steps: Steps, tau_s: float) -> FloatArray:
 def low_pass(force: FloatArray, steps: Steps, time_constant_s: float) -> FloatArray:
     """Return a piecewise-linear signal (n,) after a first-order low-pass, exact: T y' + y = F."""
     return force if time_constant_s <= 0 else force - arm_force(force, steps, time_constant_s)
+
+
+@njit(cache=True)
+def _rung(
+    drive: FloatArray, index: IntArray, lengths_s: FloatArray, pole: complex, weight: complex
+) -> FloatArray:
+    decay, gain = np.exp(pole * lengths_s), np.empty(len(lengths_s), dtype=np.complex128)
+    for k in range(len(lengths_s)):
+        gain[k] = (decay[k] - 1.0) / (pole * lengths_s[k]) * weight
+    out = drive.copy()
+    h = 0.0j
+    for i in range(1, len(drive)):
+        k = index[i - 1]
+        h = decay[k] * h + gain[k] * (drive[i] - drive[i - 1])
+        out[i] -= 2.0 * h.real
+    return out
+
+
+def resonance(force: FloatArray, steps: Steps, period_s: float, damping_ratio: float) -> FloatArray:
+    """Return a piecewise-linear signal (n,) after a mass on a spring, exact: T^2 y'' + 2 z T y' + y = F.
+
+    ``period_s`` is T, one over the natural frequency, and ``damping_ratio`` z, less than 1. Its two poles are arms of
+    complex times, each the other's conjugate.
+    """
+    pole = complex(-damping_ratio, np.sqrt(1.0 - damping_ratio**2)) / period_s
+    # 1 / (1 + T s)^2 as A / (1 - s / p) and its conjugate
+    weight = 1.0 / (1.0 - pole / pole.conjugate())
+    return np.asarray(_rung(np.ascontiguousarray(force), steps.index, steps.lengths_s, pole, weight))

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Values
-from analysis.simulation.response import low_pass
+from analysis.simulation.response import resonance
 
 
 class ArmInertia(Mechanism):
-    """F gains m d2x/dt2 (1 g mm/s^2 = 1e-3 mN), smeared over ``settle_ms`` by the arm's own bending (0: rigid arm).
+    """F gains m d2x/dt2 (1 g mm/s^2 = 1e-3 mN) as the arm's own bending passes it on (0: a rigid arm).
+
+    That is a mass on a spring: it takes ``rings_ms``, one over its natural frequency, and rings by ``damping``.
 
     An output that steps pushes the arm once a sample, and the samples always meet the same moment of it. Of that
     acceleration an arm that bends passes on a share ``shake`` (an output of lines: 0; of steps, to a rigid arm: 1).
@@ -18,16 +20,18 @@ class ArmInertia(Mechanism):
     stage = "sensor"
     parameters = (
         Parameter("mass_g", "g", 0.0, 1.0e6),
-        Parameter("settle_ms", "ms", 0.01, 5.0, "log", inner=True),
+        Parameter("rings_ms", "ms", 0.005, 5.0, "log", inner=True),
+        Parameter("damping", "1", 0.03, 0.98, inner=True),
         Parameter("shake", "1", -0.5, 1.5, inner=True),
     )
     amplitude = "mass_g"
-    null = {"mass_g": 0.0, "settle_ms": 0.02, "shake": 0.0}
+    null = {"mass_g": 0.0, "rings_ms": 0.02, "damping": 0.6, "shake": 0.0}
     probes = (
-        {"mass_g": 0.01, "settle_ms": 0.02, "shake": 0.0},
-        {"mass_g": 0.01, "settle_ms": 0.4, "shake": 0.0},
+        {"mass_g": 0.01, "rings_ms": 0.02, "damping": 0.6, "shake": 0.0},
+        {"mass_g": 0.01, "rings_ms": 0.2, "damping": 0.9, "shake": 0.0},
+        {"mass_g": 0.01, "rings_ms": 0.4, "damping": 0.2, "shake": 0.0},
     )
-    typical = {"mass_g": 0.5, "settle_ms": 0.02, "shake": 0.0}
+    typical = {"mass_g": 0.5, "rings_ms": 0.02, "damping": 0.6, "shake": 0.0}
     needs_contact = False
     words = (
         "the arm's own mass shows as force whenever it is accelerated, at the start and end of every motion"
@@ -38,5 +42,5 @@ class ArmInertia(Mechanism):
     def sensor_force_mn(self, trial: CellTrial, force_mn: FloatArray, p: Values) -> FloatArray:
         """F + m a."""
         shaken = p["shake"] * trial.shake_mm_s2
-        felt = low_pass(trial.acceleration_mm_s2, trial.steps, 1e-3 * p["settle_ms"])
+        felt = resonance(trial.acceleration_mm_s2, trial.steps, 1e-3 * p["rings_ms"], p["damping"])
         return force_mn + 1e-3 * p["mass_g"] * (felt + shaken)

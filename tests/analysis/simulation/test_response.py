@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from analysis.relaxation.response import arm_response
-from analysis.simulation.response import Steps, arm_force, arms_force, low_pass
+from analysis.simulation.response import Steps, arm_force, arms_force, low_pass, resonance
 
 LENGTHS_S = (1.25e-4, 1e-3, 8e-3)
 
@@ -75,3 +75,17 @@ def test_extremes_are_a_dashpot_and_a_spring(tau_s: float) -> None:
     force = arm_force(drive, Steps.between(time_s), tau_s)
     expected = np.zeros_like(drive) if tau_s < 1 else drive - drive[0]
     np.testing.assert_allclose(force, expected, atol=1e-2)
+
+
+@pytest.mark.parametrize(("period_s", "damping_ratio"), [(4e-4, 0.1), (3e-3, 0.5), (1e-3, 0.98)])
+def test_resonance_solves_its_equation(period_s: float, damping_ratio: float) -> None:
+    time_s = np.linspace(0, 0.05, 401)
+    force = np.minimum(time_s / 0.005, 1.0)
+
+    def rate(t: float, y: np.ndarray) -> list[float]:
+        pull = float(np.interp(t, time_s, force)) - y[0] - 2.0 * damping_ratio * period_s * y[1]
+        return [y[1], pull / period_s**2]
+
+    solved = solve_ivp(rate, (0, 0.05), [0.0, 0.0], t_eval=time_s, rtol=1e-9, atol=1e-12, max_step=1e-4)
+    rung = resonance(force, Steps.between(time_s), period_s, damping_ratio)
+    np.testing.assert_allclose(rung, solved.y[0], atol=1e-6)

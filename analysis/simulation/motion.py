@@ -155,8 +155,8 @@ def estimate_motion(
     ``held`` are natural frequency and damping ratio of a servo whose command stands from sample to sample.
 
     The rest is smoothed over 0.8 ms near kinks, where it may be fast, and over 5 ms elsewhere, or as much more as it
-    bears: what stays of its noise would be a force in contact. Without a
-    command the recorded position itself is smoothed so.
+    bears: what stays of its noise would be a force in contact. Without a command the recorded position itself is
+    smoothed so.
     """
     rate, recorded = trial.sample_rate_hz, trial.position_mm
     kinks, shake = find_kinks(trial), np.zeros_like(recorded)

@@ -100,6 +100,6 @@ def resonance(force: FloatArray, steps: Steps, period_s: float, damping_ratio: f
     complex times, each the other's conjugate.
     """
     pole = complex(-damping_ratio, np.sqrt(1.0 - damping_ratio**2)) / period_s
-    # 1 / (1 + T s)^2 as A / (1 - s / p) and its conjugate
+    # 1 / (T^2 s^2 + 2 z T s + 1) = A / (1 - s / p) and its conjugate
     weight = 1.0 / (1.0 - pole / pole.conjugate())
     return np.asarray(_rung(np.ascontiguousarray(force), steps.index, steps.lengths_s, pole, weight))

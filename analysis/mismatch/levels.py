@@ -32,8 +32,8 @@ INEXACT = 0.1
 ROUGH = 0.3
 """And at times to a third only: the recordings choose between exact, a tenth and this."""
 
-UNFORESEEN = INEXACT / 3.0
-"""Share of its size by which a law may be off in a form that the shapes of its inexactness have not."""
+UNFORESEEN = 1.0 / 3.0
+"""Share of what a law is off by that the shapes of its inexactness have not."""
 
 SURE = -math.log(LEVEL)
 """Times what the laws before it are expected to leave over that an effect must explain: what they do leave is

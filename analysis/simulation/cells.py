@@ -20,6 +20,14 @@ MOVING_MM_S, MOVING_SHARE = 0.05, 0.05
 TRAVEL_MIDDLE_MM = 5.0
 
 
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """How an arm moves from cell to cell: velocity (n,), mm/s, and the cells' lengths (n,), s. Equal to itself only."""
+
+    velocity_mm_s: FloatArray
+    widths_s: FloatArray
+
+
 @dataclass(frozen=True)
 class CellTrial:
     """One trial in n cells; every other array is (n,).
@@ -108,6 +116,11 @@ class CellTrial:
             return self.counts / self.sample_rate_hz
         last = self.starts + self.counts.astype(np.int64) - 1
         return np.asarray(self.uneven_s[last] - self.uneven_s[self.starts] + 1.0 / self.sample_rate_hz)
+
+    @cached_property
+    def motion(self) -> Motion:
+        """The motion of the arm."""
+        return Motion(self.velocity_mm_s, self.widths_s)
 
     @cached_property
     def fitted_widths_s(self) -> tuple[FloatArray, IntArray]:

@@ -12,13 +12,14 @@ def left_over(account: Account, explained: float, adds: Mapping[str, float]) -> 
     """Return the nats that an account's effects, which explain so many, leave by being inexact: to laws, and to others.
 
     Of few trials none can say how. What comes in each trial anew has no shapes for what it may do besides. It leaves
-    something else in each of n trials: a law, the same in all, gains of that what it would in one of them.
+    something else in each of n trials: a law, the same in all, gains of that what it would in one of them. Laws that
+    are off by a third in what was foreseen are so in what was not.
     """
     n = len(account.fit.trials)
     if n < FEWEST_HELD_OUT:
         return ROUGH**2 * explained, ROUGH**2 * explained
     own = min(sum(adds.get(name, explained) for name in account.steps), explained)
-    of_laws = UNFORESEEN**2 * (explained - own)
+    of_laws = (UNFORESEEN * max(account.inexact, INEXACT)) ** 2 * (explained - own)
     return of_laws + INEXACT**2 * own / n, of_laws + INEXACT**2 * own
 
 

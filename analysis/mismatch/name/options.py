@@ -16,12 +16,10 @@ from analysis.mismatch.fit.law_fit import fit_laws
 from analysis.mismatch.fit.steadied import steadied
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import (
-    CLOSE,
     ENOUGH_OWN,
     ENOUGH_SHARED,
     FEWEST_HELD_OUT,
     INEXACT,
-    REFITTED,
     STARTS,
 )
 from analysis.mismatch.model.dictionary import Template, templates
@@ -50,21 +48,6 @@ class Option:
     enough: float
     refit: Callable[[], Account]
     beside: float = 0.0
-
-
-def worth_trying(options: list[Option], least: float, few: bool) -> list[Option]:
-    """Return the few effects with most linear evidence that have enough of it, half of which the line may miss.
-
-    Beside them the one that says most that the best does not: several may be one and the same to a line. All that have
-    enough where trials are ``few``: there much is far from linear, and a refit costs little.
-    """
-    best = sorted(options, key=lambda o: -o.nats)
-    enough = [o for o in best if o.nats > max(0.5 * o.enough, least)]
-    if few:
-        return enough
-    first = [o for o in enough if o.nats > CLOSE * best[0].nats][:REFITTED]
-    others = [o for o in enough if o not in first and o.beside > max(0.5 * o.enough, least)]
-    return first + sorted(others, key=lambda o: -o.beside)[:1]
 
 
 def law_options(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -24,9 +24,10 @@ from analysis.mismatch.levels import (
 )
 from analysis.mismatch.locate.remainder import shape_left
 from analysis.mismatch.model.dictionary import templates
-from analysis.mismatch.name.options import Option, law_options, own_options, worth_trying
+from analysis.mismatch.name.options import Option, law_options, own_options
 from analysis.mismatch.name.oscillations import phases_alike
 from analysis.mismatch.name.own_sizes import own_sizes
+from analysis.mismatch.name.tries import worth_trying
 from analysis.simulation.mechanism import library
 
 
@@ -98,8 +99,9 @@ def one_for_two(
         if first.mechanism.stage != second.mechanism.stage:
             continue
         others = account.stripped(first.name).without(second.name).settled()
-        step = considered(others, start, {})
-        if not step or step[0].name in (first.name, second.name):
+        alike = [m.name for m in library().values() if m.stage == first.mechanism.stage]
+        step = considered(others, start, {}, [n for n in alike if n not in account.names])
+        if not step:
             continue
         one = replace(step[0], account=step[0].account.settled())
         gain, error = account.gain_over(others)
@@ -146,8 +148,12 @@ def _better(account: Account, options: Sequence[Option]) -> Account:
     return max(account, best.granting(), key=lambda a: a.nats)
 
 
-def considered(account: Account, nothing: Account, adds: Mapping[str, float]) -> tuple[Rival, ...]:
+def considered(
+    account: Account, nothing: Account, adds: Mapping[str, float], among: Collection[str] | None = None
+) -> tuple[Rival, ...]:
     """Return the effects worth adding, refitted, best first; none where the best has not enough evidence.
+
+    Where names are given, only the laws ``among`` them are considered.
 
     ``nothing`` is the account without effects, ``adds`` what each present effect explains, where that is known. What
     the present laws leave by being off names no other: an effect must gain as much where they are granted to be off,
@@ -156,62 +162,52 @@ def considered(account: Account, nothing: Account, adds: Mapping[str, float]) ->
     Each is weighed with the noise that itself leaves: an effect that was taken for noise would hide itself.
     """
     few = len(account.fit.trials) < FEWEST_HELD_OUT
-    to_laws, to_own = left_over(account, account.gain_over(nothing)[0], adds)
-    wanted = templates(account.fit.trials, account.names)
-    # what was taken for slow noise is found where none is granted; most of all what comes in each trial anew
-    quick = account.quick()
-    settled = settled_columns(quick.fit, wanted)
-    listed = [law_options(account, nothing, wanted, settled)]
-    if quick is not account:
-        listed.append(law_options(quick, nothing, wanted, settled))
-    del settled
-    worth = [worth_trying(some, CLOSE * to_laws, few) for some in listed]
-    listed.append(own_options(quick))
-    worth.append(worth_trying(listed[-1], CLOSE * to_own, few))
-    options: dict[str, list[Option]] = {}
-    for option in (option for some in worth for option in some):
-        options.setdefault(option.name, []).append(option)
-    largest = {name: max(p.nats for some in listed for p in some if p.name == name) for name in options}
-    # a line drawn beside noise that took the mismatch up says little of how much there is
-    taken_up = {option.name for option in worth[0]} if quick is not account else set()
+    left = left_over(account, account.gain_over(nothing)[0], adds)
+    tries = worth_trying(account, nothing, left, among)
     found: list[Rival] = []
-    for name in sorted(options, key=lambda name: -largest[name]):
+    for name, options in tries.options.items():
         # refits cost most of the time: none is made that can't be a rival, however far the line misses
         best = max((r.gain for r in found), default=0.0)
-        if not few and name not in taken_up and largest[name] < CLOSE * best:
+        if not few and name not in tries.taken_up and tries.largest[name] < CLOSE * best:
             continue
-        exact = (option.refit().weighed_anew() for option in options[name])
+        exact = (option.refit().weighed_anew() for option in options)
         refitted = max(exact, key=lambda a: a.nats)
         # nor are its laws granted to be off, where no more than half of a gain may come of that
         if not few and refitted.nats - account.of_exact_laws < KEPT * CLOSE * best:
             continue
         refitted = refitted.granting()
-        if is_nothing(refitted, name):
-            continue
-        gain, error = refitted.gain_over(account)
-        if name in refitted.steps and refitted.granted - account.granted > (1.0 - KEPT) * gain:
-            # fitted while it was missing, a law may stand for a part of it, and not find back
-            for law in refitted.fit.shared.laws:
-                refitted = begun_again(refitted, law.name, nothing)
-            gain, error = refitted.gain_over(account)
-        left = to_own if name in refitted.steps else to_laws
-        freed = frees(refitted, account) and gain >= options[name][0].enough
-        if freed:
-            gain, error = refitted.gain_over(account.exact.weighed_anew())
-        # a gain below its error is one trial's, at the cost of others
-        asked = max(options[name][0].enough, error, SURE * left)
-        if gain >= asked and any(s.rhythms for s in account.fit.states):
-            # a rhythm that was followed anew may be found elsewhere, whatever was added
-            without = refitted.without(name).reweighed()
-            if without.nats > account.nats:
-                gain, error = refitted.gain_over(without)
-        if (
-            gain >= asked
-            and (freed or explains_itself(refitted, account, gain, asked))
-            and not (name in refitted.steps and stands_for_shape(account, gain))
-        ):
-            found.append(Rival(name, gain, error, refitted.let_go(), left))
+        if not is_nothing(refitted, name):
+            to_it = left[1] if name in refitted.steps else left[0]
+            found += as_rival(name, refitted, account, nothing, options[0].enough, to_it)
     return best_first(found)
+
+
+def as_rival(
+    name: str, refitted: Account, account: Account, nothing: Account, enough: float, left: float
+) -> list[Rival]:
+    """Return what was added to an account and refitted as a rival, if it gains enough, and by itself; else none."""
+    anew = name in refitted.steps
+    gain, error = refitted.gain_over(account)
+    if anew and refitted.granted - account.granted > (1.0 - KEPT) * gain:
+        # fitted while it was missing, a law may stand for a part of it, and not find back
+        for law in refitted.fit.shared.laws:
+            refitted = begun_again(refitted, law.name, nothing)
+        gain, error = refitted.gain_over(account)
+    freed = frees(refitted, account) and gain >= enough
+    if freed:
+        gain, error = refitted.gain_over(account.exact.weighed_anew())
+    # a gain below its error is one trial's, at the cost of others
+    asked = max(enough, error, SURE * left)
+    if gain >= asked and any(s.rhythms for s in account.fit.states):
+        # a rhythm that was followed anew may be found elsewhere, whatever was added
+        without = refitted.without(name).reweighed()
+        if without.nats > account.nats:
+            gain, error = refitted.gain_over(without)
+    if gain < asked or (anew and stands_for_shape(account, gain)):
+        return []
+    if not freed and not explains_itself(refitted, account, gain, asked):
+        return []
+    return [Rival(name, gain, error, refitted.let_go(), left)]
 
 
 def stands_for_shape(without: Account, gain: float) -> bool:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numba import njit
 
-from analysis.simulation.cells import CellTrial
+from analysis.simulation.cells import CellTrial, Motion
 from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Values
 
 RESTING_MM_S = 0.15
@@ -42,6 +44,17 @@ def _bristle_force(
         out[i] = settled + (z - settled) * share
         z = settled + (z - settled) * decay
     return out
+
+
+@lru_cache(maxsize=1024)
+def _bent(
+    motion: Motion, bristle_mm: float, fades: float, creeping: float, creeping_mm_s: float, before: float
+) -> FloatArray:
+    """Return what bristles bear (n,): no more depends on it than their lengths, however often a force is simulated."""
+    forms = bristle_mm, fades, creeping, creeping_mm_s, before
+    bent = _bristle_force(motion.velocity_mm_s, motion.widths_s, *forms)
+    bent.flags.writeable = False
+    return bent
 
 
 class CoulombFriction(Mechanism):
@@ -95,10 +108,10 @@ class CoulombFriction(Mechanism):
         """F + Fc z."""
 
         def bent(bend: float, fades: float, before: float) -> FloatArray:
-            lengths = bend * trial.study_depth_mm, fades, p["creeping"], p["creeping_mm_s"], before
-            return _bristle_force(trial.velocity_mm_s, trial.widths_s, *lengths)
+            forms = fades, p["creeping"], p["creeping_mm_s"], before
+            return _bent(trial.motion, bend * trial.study_depth_mm, *forms)
 
         z = (1.0 - p["longer"]) * bent(p["bristle"], 1e3 / p["fade_ms"], 0.0)
         if p["longer"]:
-            z += p["longer"] * bent(p["bend"], -np.log(p["held"]) / HELD_S, p["before"])
+            z = z + p["longer"] * bent(p["bend"], -np.log(p["held"]) / HELD_S, p["before"])
         return np.asarray(force_mn + p["force_mn"] * z)

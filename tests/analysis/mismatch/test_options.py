@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from analysis.mismatch.evidence.account import Account
-from analysis.mismatch.name.options import Option, worth_trying
+from analysis.mismatch.name.options import Option
+from analysis.mismatch.name.tries import promising
 
 
 def _option(name: str, nats: float, beside: float) -> Option:
@@ -16,6 +17,6 @@ def _option(name: str, nats: float, beside: float) -> Option:
 def test_laws_that_are_one_to_a_line_leave_room_for_another() -> None:
     alike = [_option(f"arm {k}", 100.0 - k, 0.5) for k in range(4)]
     other, less = _option("dashpot", 60.0, 70.0), _option("inertia", 50.0, 20.0)
-    assert worth_trying([*alike, less, other], 0.0, few=False) == [*alike[:3], other]
+    assert promising([*alike, less, other], 0.0, few=False) == [*alike[:3], other]
     # what remains beside the best has to be enough by itself
-    assert worth_trying([*alike, _option("friction", 60.0, 2.0)], 0.0, few=False) == alike[:3]
+    assert promising([*alike, _option("friction", 60.0, 2.0)], 0.0, few=False) == alike[:3]

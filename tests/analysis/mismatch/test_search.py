@@ -15,7 +15,7 @@ from analysis.mismatch.evidence.left_over import explains_itself, frees, left_ov
 from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.fit.noise import NoiseModel
 from analysis.mismatch.fit.study_fit import StudyFit
-from analysis.mismatch.levels import INEXACT, UNFORESEEN
+from analysis.mismatch.levels import INEXACT, ROUGH, UNFORESEEN
 from analysis.mismatch.model.effects import TISSUE_SIZE, Law, Shared
 from analysis.mismatch.model.population import Population
 from analysis.mismatch.name import search
@@ -135,8 +135,12 @@ def test_each_form_that_a_law_may_take_has_its_price(record: Callable[..., list[
 def test_what_comes_in_each_trial_anew_leaves_more_than_a_law_whose_inexactness_is_granted() -> None:
     law = _account([0.0] * 4, [0.0] * 4)
     beside = replace(law, steps={"slip": 5.0})
-    assert left_over(law, 9000.0, {}) == pytest.approx([UNFORESEEN**2 * 9000.0] * 2)
-    of_law, of_steps = UNFORESEEN**2 * 6000.0, INEXACT**2 * 3000.0
+    unforeseen = (UNFORESEEN * INEXACT) ** 2
+    assert left_over(law, 9000.0, {}) == pytest.approx([unforeseen * 9000.0] * 2)
+    # off by a third where it was foreseen, it is so where it was not
+    rough = replace(law, inexact=ROUGH)
+    assert left_over(rough, 9000.0, {}) == pytest.approx([(UNFORESEEN * ROUGH) ** 2 * 9000.0] * 2)
+    of_law, of_steps = unforeseen * 6000.0, INEXACT**2 * 3000.0
     # in four trials it leaves four things, and a law is the same in all
     assert left_over(beside, 9000.0, {"slip": 3000.0}) == pytest.approx(
         [of_law + of_steps / 4, of_law + of_steps]

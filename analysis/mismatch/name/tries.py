@@ -1,0 +1,75 @@
+"""Which effects are worth a refit at a step of the search, by what they would gain to a line."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+from analysis.mismatch.evidence.account import Account
+from analysis.mismatch.fit.settled import settled_columns
+from analysis.mismatch.levels import CLOSE, FEWEST_HELD_OUT, REFITTED
+from analysis.mismatch.model.dictionary import templates
+from analysis.mismatch.name.options import Option, law_options, own_options
+
+
+@dataclass(frozen=True)
+class Tries:
+    """What is worth a refit, by name, the most promising first, and the most that each would gain to a line, nats.
+
+    Of what is ``taken_up`` by the noise a line says little.
+    """
+
+    options: dict[str, list[Option]]
+    largest: dict[str, float]
+    taken_up: frozenset[str] = frozenset()
+
+
+def worth_trying(
+    account: Account, nothing: Account, left: tuple[float, float], among: Collection[str] | None
+) -> Tries:
+    """Return the effects worth a refit: law by law beside the noise and without its slow part, and what comes anew.
+
+    ``left`` are the nats that the present laws leave to laws and to others; ``among`` names the laws, where only some
+    are asked for, and nothing else.
+    """
+    wanted = templates(account.fit.trials, account.names)
+    if among is not None:
+        wanted = [t for t in wanted if t.name in among]
+        if not wanted:
+            return Tries({}, {})
+    # what was taken for slow noise is found where none is granted; most of all what comes in each trial anew
+    quick = account.quick()
+    settled = settled_columns(quick.fit, wanted)
+    listed = [law_options(account, nothing, wanted, settled)]
+    if quick is not account:
+        listed.append(law_options(quick, nothing, wanted, settled))
+    # columns of all trials fill memory
+    del settled
+    few = len(account.fit.trials) < FEWEST_HELD_OUT
+    worth = [promising(some, CLOSE * left[0], few) for some in listed]
+    # a line drawn beside noise that took the mismatch up says little of how much there is
+    taken_up = frozenset(o.name for o in worth[0]) if quick is not account else frozenset()
+    if among is None:
+        listed.append(own_options(quick))
+        worth.append(promising(listed[-1], CLOSE * left[1], few))
+    options: dict[str, list[Option]] = {}
+    for option in (option for some in worth for option in some):
+        options.setdefault(option.name, []).append(option)
+    largest = {name: max(o.nats for some in listed for o in some if o.name == name) for name in options}
+    in_order = sorted(options, key=lambda name: -largest[name])
+    return Tries({name: options[name] for name in in_order}, largest, taken_up)
+
+
+def promising(options: list[Option], least: float, few: bool) -> list[Option]:
+    """Return the few effects with most linear evidence that have enough of it, half of which the line may miss.
+
+    Beside them the one that says most that the best does not: several may be one and the same to a line. All that have
+    enough where trials are ``few``: there much is far from linear, and a refit costs little.
+    """
+    best = sorted(options, key=lambda o: -o.nats)
+    enough = [o for o in best if o.nats > max(0.5 * o.enough, least)]
+    if few:
+        return enough
+    first = [o for o in enough if o.nats > CLOSE * best[0].nats][:REFITTED]
+    others = [o for o in enough if o not in first and o.beside > max(0.5 * o.enough, least)]
+    return first + sorted(others, key=lambda o: -o.beside)[:1]

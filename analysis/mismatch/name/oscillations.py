@@ -83,10 +83,10 @@ def name_of(frequency_hz: float) -> str:
     return ""
 
 
-def frequency_grid(length_s: float) -> FloatArray:
+def frequency_grid(length_s: float, highest_hz: float = HIGHEST_HZ) -> FloatArray:
     """Return the frequencies at which lines of this length are looked for, Hz."""
     found, f = [], LOWEST_HZ
-    while f < HIGHEST_HZ:
+    while f < highest_hz:
         found.append(f)
         f += SPACING / min(length_s, max(coherent_s(f), 2.0 * CYCLES / f))
     return np.array(found)
@@ -96,7 +96,7 @@ def scan_oscillations(fit: StudyFit) -> OscillationScan:
     """Weigh a surface that oscillates at every frequency, amplitudes integrated out."""
     skin = [j for j, t in enumerate(fit.trials) if t.kind == "ramp_hold_retract"]
     n = len(fit.trials)
-    grid = frequency_grid(_length_s(fit)) if skin else np.zeros(0)
+    grid = frequency_grid(_length_s(fit), _highest_hz(fit)) if skin else np.zeros(0)
     nothing = OscillationScan(-np.inf, np.zeros(n), 0.0, np.zeros(n), 0.0, "", np.zeros(0), grid)
     if not len(grid):
         return nothing
@@ -149,6 +149,12 @@ def _length_s(fit: StudyFit) -> float:
     """Return how long a trial on skin lasts, the median, s."""
     skin = [t.time_s for t in fit.trials if t.kind == "ramp_hold_retract"]
     return float(np.median([t[-1] - t[0] for t in skin]))
+
+
+def _highest_hz(fit: StudyFit) -> float:
+    """Return the frequency of which cells are two a cycle, by their mean rate in every trial on skin, Hz."""
+    skin = [t.time_s for t in fit.trials if t.kind == "ramp_hold_retract"]
+    return min(HIGHEST_HZ, *(0.5 * len(t) / float(t[-1] - t[0]) for t in skin))
 
 
 def _energies(fit: StudyFit, j: int, frequencies_hz: Sequence[float]) -> list[tuple[FloatArray, FloatArray]]:

@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from analysis.mismatch.fit.baseline import fit_baseline
+from analysis.mismatch.name.oscillations import scan_oscillations
 from analysis.mismatch.study.intake import take_in_memory
 from analysis.recordings import write_trial
 from analysis.recordings.trial import Trial
@@ -62,6 +64,13 @@ def test_every_recording_is_taken_in(kind: str, commanded: bool, convex: Callabl
         assert np.isfinite(cells.force_mn).all()
         assert np.isfinite(cells.velocity_mm_s).all()
         assert cells.depth_mm == pytest.approx(0.4, rel=0.5)  # where a fit begins
+
+
+def test_no_rhythm_is_looked_for_that_so_few_samples_do_not_bear(convex: Callable[..., Trial]) -> None:
+    """Of a hundred samples in minutes a tremor of 10 Hz would explain whatever is there."""
+    trials = [convex(1.5, seed=seed, signal_to_noise=500.0, **KINDS["5 Hz"]) for seed in (0, 1, 2)]
+    scan = scan_oscillations(fit_baseline(take_in_memory(trials).trials))
+    assert 1.0 < scan.grid_hz[-1] <= 2.5
 
 
 def diagnosed(trials: list[Trial], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:

@@ -51,14 +51,19 @@ def fit_trial(
     """
 
     def cost_of(s: TrialState) -> tuple[float, FloatArray]:
-        r = whitener(trial.force_mn - simulate(trial, s, shared))
-        return float(r @ r) + penalty(s, population), r
+        # a step too far may end where no force is a number any more: it costs infinitely much
+        with np.errstate(over="ignore", invalid="ignore"):
+            r = whitener(trial.force_mn - simulate(trial, s, shared))
+            cost = float(r @ r) + penalty(s, population)
+        return (cost if np.isfinite(cost) else np.inf), r
 
     if near:
         now, residual = cost_of(state)
     else:
         residual = own.residual
         now = float(residual @ residual) + penalty(state, population)
+    if now == np.inf:
+        return state, now
     damping, old = 1e-6, near
     for _ in range(rounds):
         gradient = own.columns.T @ residual + own.pull_at(state, population)

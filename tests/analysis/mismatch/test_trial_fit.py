@@ -14,7 +14,7 @@ from scipy.optimize import lsq_linear
 from analysis.mismatch.evidence.account import with_own_sizes
 from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.fit.law_fit import centred
-from analysis.mismatch.fit.trial_fit import bounded
+from analysis.mismatch.fit.trial_fit import bounded, fit_trial
 from analysis.mismatch.model.effects import Law, Shared, simulate
 from analysis.mismatch.study.intake import take_in_memory
 from analysis.recordings.trial import Trial
@@ -53,6 +53,16 @@ def test_contact_lies_no_higher_than_the_approach_begins(
             assert state.z0_mm == pytest.approx(trial.begins_mm, abs=1e-9)
         else:
             assert state.z0_mm == pytest.approx(z, abs=0.01)
+
+
+def test_a_step_to_where_no_force_is_a_number_is_refused(record: Callable[..., list[Trial]]) -> None:
+    trials = record(41, plans=study_plans(depths_mm=(0.5,), repeats=3, hold_s=1.0, dwell_s=0.2))
+    fit = fit_baseline(take_in_memory(trials).trials)
+    trial, whitener, state, own = fit.trials[0], fit.whiteners[0], fit.states[0], fit.own[0]
+    beyond = replace(state, log_tissue=state.log_tissue + 400.0)
+    found, cost = fit_trial(trial, whitener, beyond, fit.shared, fit.population, own, near=True)
+    assert found is beyond
+    assert cost == np.inf
 
 
 def test_every_site_has_its_own_adhesion(record: Callable[..., list[Trial]]) -> None:

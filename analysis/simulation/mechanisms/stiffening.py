@@ -14,15 +14,16 @@ class Stiffening(Mechanism):
     b is the first term of a hyperelastic law. The terms after it are ``growth`` g times those of collagen that
     straightens (Fung's exponential, (exp(2 b d) - 1) / (2 b)): d (1 + b d + g (2/3 (b d)^2 + 1/3 (b d)^3)), the
     textbook's law at g = 0; a layer of rubber (neo-Hooke) has twice of them and more. p goes from flat punch (1) over
-    sphere (1.5) to cone (2) and knows no scale of length: D only keeps k0 a stiffness. Where p is not 1 it rules, and b
-    is only what it amounts to at D.
+    sphere (1.5) to cone (2) and knows no scale of length: D only keeps k0 a stiffness; a high one about a contact far
+    back is an exponential, as of a fibre that is pulled. Where p is not 1 it rules, and b is only what it amounts to at
+    D.
     """
 
     name = "stiffening"
     stage = "contact"
     parameters = (
         Parameter("coefficient_per_mm", "1/mm", 0.0, 1.0e4),
-        Parameter("exponent", "1", 1.0, 8.0),
+        Parameter("exponent", "1", 1.0, 16.0),
         Parameter("growth", "1", -0.5, 3.0, inner=True),
     )
     amplitude = "coefficient_per_mm"

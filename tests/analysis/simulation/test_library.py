@@ -131,3 +131,19 @@ def test_a_dashpot_in_series_with_a_spring_is_a_quick_arm(trial: CellTrial) -> N
     dashpot, arm = (simulate_force(trial, TISSUE, own, [(library()[name], values)]) for name, values in laws)
     plain = simulate_force(trial, TISSUE, own)
     assert np.linalg.norm(dashpot - arm) < 0.02 * np.linalg.norm(arm - plain)
+
+
+def test_a_power_law_begins(trial: CellTrial) -> None:
+    """Long after that it is the textbook's; a solid that holds to it at once is stiffer at first."""
+    law, since_s = library()["power_law_relaxation"], np.array([1e-3, 0.03, 3.0])
+    pressed = replace(trial, time_s=np.append(0.0, since_s), starts=trial.starts[:4], counts=trial.counts[:4])
+    step_mm = np.array([0.0, 1.0, 1.0, 1.0])
+
+    def relaxed(**form: float) -> np.ndarray:
+        values = {"coefficient_mn_per_mm": 10.0, "exponent": 0.3, **form}
+        return np.asarray(law.tissue_force_mn(pressed, step_mm, TISSUE, values))[1:]
+
+    whole, late = relaxed(), relaxed(begins_s=0.02)
+    np.testing.assert_allclose(relaxed(begins_s=1e-5), whole, rtol=0.02)
+    assert late[0] < 0.75 * whole[0]
+    assert late[-1] == pytest.approx(whole[-1], rel=0.02)

@@ -5,7 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from analysis.mismatch.evidence.account import Account
-from analysis.mismatch.levels import FEWEST_HELD_OUT, INEXACT, KEPT, ROUGH, UNFORESEEN
+from analysis.mismatch.levels import (
+    ENOUGH_SHARED,
+    FEWEST_HELD_OUT,
+    INEXACT,
+    KEPT,
+    ROUGH,
+    SMALL_SHARE,
+    UNFORESEEN,
+)
 
 
 def left_over(account: Account, explained: float, adds: Mapping[str, float]) -> tuple[float, float]:
@@ -40,3 +48,13 @@ def frees(account: Account, before: Account) -> bool:
     What laws leave by being off themselves no other takes up to the last: it would have to be all that they leave.
     """
     return before.inexact > 0.0 and not account.inexact
+
+
+def mends(account: Account, before: Account, nothing: Account) -> bool:
+    """Return whether an effect makes laws less off that would have to be off by more than what is named may be.
+
+    Beside an effect that leaves them as they are nothing would be named, whatever it gains.
+    """
+    if before.granted <= SMALL_SHARE * before.gain_over(nothing)[0]:
+        return True
+    return account.granted <= before.granted - ENOUGH_SHARED

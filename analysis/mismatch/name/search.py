@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 from analysis.mismatch.evidence.account import Account
-from analysis.mismatch.evidence.left_over import explains_itself, frees, left_over
+from analysis.mismatch.evidence.left_over import explains_itself, frees, left_over, mends
 from analysis.mismatch.fit.arms import weakest_apart
 from analysis.mismatch.fit.law_fit import at_bound
 from analysis.mismatch.fit.settled import settled_columns
@@ -203,7 +203,7 @@ def as_rival(
         without = refitted.without(name).reweighed()
         if without.nats > account.nats:
             gain, error = refitted.gain_over(without)
-    if gain < asked or (anew and stands_for_shape(account, gain)):
+    if gain < asked or not mends(refitted, account, nothing) or (anew and stands_for_shape(account, gain)):
         return []
     if not freed and not explains_itself(refitted, account, gain, asked):
         return []

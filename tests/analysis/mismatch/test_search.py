@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from analysis.mismatch.evidence.account import Account
-from analysis.mismatch.evidence.left_over import explains_itself, frees, left_over
+from analysis.mismatch.evidence.left_over import explains_itself, frees, left_over, mends
 from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.fit.noise import NoiseModel
 from analysis.mismatch.fit.study_fit import StudyFit
@@ -147,6 +147,20 @@ def test_what_comes_in_each_trial_anew_leaves_more_than_a_law_whose_inexactness_
     )
     # what is not known of a step may be all
     assert left_over(beside, 9000.0, {}) == pytest.approx([INEXACT**2 * 9000.0 / 4, INEXACT**2 * 9000.0])
+
+
+@pytest.mark.parametrize(
+    ("granted", "then", "goes_on"),
+    [(90.0, 90.0, True), (400.0, 399.0, False), (400.0, 380.0, True), (400.0, 450.0, False)],
+    ids=["off by little", "as they are", "mended", "off by more"],
+)
+def test_beside_laws_too_far_off_to_be_named_only_what_mends_them_is_added(
+    granted: float, then: float, goes_on: bool
+) -> None:
+    """Of softening skin a friction explained but for a third; a drift, a crosstalk and a dashpot followed."""
+    before = SimpleNamespace(granted=granted, gain_over=lambda _: (1000.0, 1.0))
+    account = SimpleNamespace(granted=then)
+    assert mends(cast(Account, account), cast(Account, before), cast(Account, None)) == goes_on
 
 
 @dataclass(frozen=True)

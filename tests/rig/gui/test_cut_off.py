@@ -133,6 +133,18 @@ def show_diagnosis(page: MismatchPage, folder: Path) -> None:
     page.comparison.show_comparison(compared)
 
 
+def lasting(window: Window) -> list[str]:
+    """Return what is cut off once the layout has caught up: a preview that arrives meanwhile has it laid out anew."""
+    found: list[str] = []
+    for _ in range(3):
+        for _ in range(3):
+            QApplication.processEvents()
+        found = list(cut_off(window))
+        if not found:
+            break
+    return found
+
+
 def faults(folder: Path, diagnosis: Path, width: int, height: int, themes: tuple[str, ...]) -> Iterator[str]:
     """Yield what can't be read in a window of that size, in any state and on any page."""
     window = Window(Habits(folder / "habits.json"), folder / "logs")
@@ -147,12 +159,10 @@ def faults(folder: Path, diagnosis: Path, width: int, height: int, themes: tuple
             window.say(f"{LONG} /a/{'very_long_' * 20}name.h5", "bad" if state.trouble else "note")
             for page in window.shell.pages:
                 window.shell.show_page(page)
-                for _ in range(3):
-                    QApplication.processEvents()
                 where = f"{theme}, {name}, {page}: "
+                yield from (where + fault for fault in lasting(window))
                 if (window.width(), window.height()) != (width, height):
                     yield f"{where}the window has grown to {window.width()} x {window.height()}"
-                yield from (where + fault for fault in cut_off(window))
     window.close()
 
 

@@ -50,11 +50,11 @@ def frees(account: Account, before: Account) -> bool:
     return before.inexact > 0.0 and not account.inexact
 
 
-def mends(account: Account, before: Account, nothing: Account) -> bool:
+def mends(account: Account, before: Account, nothing: Account, gain: float) -> bool:
     """Return whether an effect makes laws less off that would have to be off by more than what is named may be.
 
-    Beside an effect that leaves them as they are nothing would be named, whatever it gains.
+    Beside an effect that leaves them as they are nothing would be named, unless it gains more than they are off by.
     """
-    if before.granted <= SMALL_SHARE * before.gain_over(nothing)[0]:
+    if before.granted <= max(SMALL_SHARE * before.gain_over(nothing)[0], gain):
         return True
     return account.granted <= before.granted - ENOUGH_SHARED

@@ -203,7 +203,11 @@ def as_rival(
         without = refitted.without(name).reweighed()
         if without.nats > account.nats:
             gain, error = refitted.gain_over(without)
-    if gain < asked or not mends(refitted, account, nothing) or (anew and stands_for_shape(account, gain)):
+    if (
+        gain < asked
+        or not mends(refitted, account, nothing, gain)
+        or (anew and stands_for_shape(account, gain))
+    ):
         return []
     if not freed and not explains_itself(refitted, account, gain, asked):
         return []

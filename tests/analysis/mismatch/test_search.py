@@ -150,17 +150,23 @@ def test_what_comes_in_each_trial_anew_leaves_more_than_a_law_whose_inexactness_
 
 
 @pytest.mark.parametrize(
-    ("granted", "then", "goes_on"),
-    [(90.0, 90.0, True), (400.0, 399.0, False), (400.0, 380.0, True), (400.0, 450.0, False)],
-    ids=["off by little", "as they are", "mended", "off by more"],
+    ("granted", "then", "gain", "goes_on"),
+    [
+        (90.0, 90.0, 50.0, True),
+        (400.0, 399.0, 50.0, False),
+        (400.0, 380.0, 50.0, True),
+        (400.0, 450.0, 50.0, False),
+        (400.0, 450.0, 500.0, True),
+    ],
+    ids=["off by little", "as they are", "mended", "off by more", "more than they are off by"],
 )
 def test_beside_laws_too_far_off_to_be_named_only_what_mends_them_is_added(
-    granted: float, then: float, goes_on: bool
+    granted: float, then: float, gain: float, goes_on: bool
 ) -> None:
     """Of softening skin a friction explained but for a third; a drift, a crosstalk and a dashpot followed."""
     before = SimpleNamespace(granted=granted, gain_over=lambda _: (1000.0, 1.0))
     account = SimpleNamespace(granted=then)
-    assert mends(cast(Account, account), cast(Account, before), cast(Account, None)) == goes_on
+    assert mends(cast(Account, account), cast(Account, before), cast(Account, None), gain) == goes_on
 
 
 @dataclass(frozen=True)

@@ -2,28 +2,13 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from analysis.mismatch.study.intake import take_in_memory
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.mechanism import library
 
-sys.path.append(str(Path(__file__).parents[2]))
-from bench_trials import bench_trials
-
-from sim_hardware.concealment.offline import study_plans
-
 DRIFT = library()["force_drift"]
-
-
-@pytest.fixture(scope="module")
-def trial() -> CellTrial:
-    plans = study_plans(depths_mm=(0.4,), repeats=1)
-    return take_in_memory(bench_trials("seed = 3\n[specimens]\npublished_tissue = true\n", plans)).trials[0]
 
 
 @pytest.mark.parametrize("bends_per_s", [-0.05, 0.0, 1e-7, 0.05, 0.2])

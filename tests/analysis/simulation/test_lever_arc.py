@@ -2,29 +2,15 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from analysis.mismatch.study.intake import take_in_memory
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.mechanism import library
 
-sys.path.append(str(Path(__file__).parents[2]))
-from bench_trials import bench_trials
-
-from sim_hardware.concealment.offline import study_plans
-
 ARC = library()["lever_arc"]
-
-
-@pytest.fixture(scope="module")
-def trial() -> CellTrial:
-    plans = study_plans(depths_mm=(0.4,), repeats=1)
-    return take_in_memory(bench_trials("seed = 3\n[specimens]\npublished_tissue = true\n", plans)).trials[0]
 
 
 @pytest.mark.parametrize("zero_mm", [-0.6, 0.0, 0.2])

@@ -21,7 +21,7 @@ TRAVEL_MIDDLE_MM = 5.0
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class CellMotion:
     """How an arm moves from cell to cell: velocity (n,), mm/s, and the cells' lengths (n,), s. Equal to itself only."""
 
     velocity_mm_s: FloatArray
@@ -118,9 +118,9 @@ class CellTrial:
         return np.asarray(self.uneven_s[last] - self.uneven_s[self.starts] + 1.0 / self.sample_rate_hz)
 
     @cached_property
-    def motion(self) -> Motion:
+    def motion(self) -> CellMotion:
         """The motion of the arm."""
-        return Motion(self.velocity_mm_s, self.widths_s)
+        return CellMotion(self.velocity_mm_s, self.widths_s)
 
     @cached_property
     def fitted_widths_s(self) -> tuple[FloatArray, IntArray]:

@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 from numba import njit
 
-from analysis.simulation.cells import CellTrial, Motion
+from analysis.simulation.cells import CellMotion, CellTrial
 from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Values
 
 RESTING_MM_S = 0.15
@@ -48,7 +48,7 @@ def _bristle_force(
 
 @lru_cache(maxsize=1024)
 def _bent(
-    motion: Motion, bristle_mm: float, fades: float, creeping: float, creeping_mm_s: float, before: float
+    motion: CellMotion, bristle_mm: float, fades: float, creeping: float, creeping_mm_s: float, before: float
 ) -> FloatArray:
     """Return what bristles bear (n,): no more depends on it than their lengths, however often a force is simulated."""
     forms = bristle_mm, fades, creeping, creeping_mm_s, before

@@ -13,7 +13,6 @@ from analysis.simulation.response import arms_force
 TAUS_S = np.geomspace(5e-5, 1e4, 18)
 LOG_STEP = float(np.log(TAUS_S[1] / TAUS_S[0]))
 
-
 _TEXTBOOK = {"begins_s": 1e-4}
 
 

@@ -145,16 +145,19 @@ def scan_oscillations(fit: StudyFit) -> OscillationScan:
     return best
 
 
+def _skin_times_s(fit: StudyFit) -> list[FloatArray]:
+    """Return the times (n,) of the cells of each trial on skin, s."""
+    return [t.time_s for t in fit.trials if t.kind == "ramp_hold_retract"]
+
+
 def _length_s(fit: StudyFit) -> float:
     """Return how long a trial on skin lasts, the median, s."""
-    skin = [t.time_s for t in fit.trials if t.kind == "ramp_hold_retract"]
-    return float(np.median([t[-1] - t[0] for t in skin]))
+    return float(np.median([t[-1] - t[0] for t in _skin_times_s(fit)]))
 
 
 def _highest_hz(fit: StudyFit) -> float:
     """Return the frequency of which cells are two a cycle, by their mean rate in every trial on skin, Hz."""
-    skin = [t.time_s for t in fit.trials if t.kind == "ramp_hold_retract"]
-    return min(HIGHEST_HZ, *(0.5 * len(t) / float(t[-1] - t[0]) for t in skin))
+    return min(HIGHEST_HZ, *(0.5 * len(t) / float(t[-1] - t[0]) for t in _skin_times_s(fit)))
 
 
 def _energies(fit: StudyFit, j: int, frequencies_hz: Sequence[float]) -> list[tuple[FloatArray, FloatArray]]:

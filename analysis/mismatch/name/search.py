@@ -96,11 +96,13 @@ def one_for_two(
     """
     laws = account.fit.shared.laws if len(account.names) > 2 else ()
     for first, second in combinations(laws, 2):
-        if first.mechanism.stage != second.mechanism.stage:
+        stage = first.mechanism.stage
+        laws_alike = (m.name for m in library().values() if m.form == "law" and m.stage == stage)
+        alike = [name for name in laws_alike if name not in account.names]
+        if second.mechanism.stage != stage or not alike:
             continue
         others = account.stripped(first.name).without(second.name).settled()
-        alike = [m.name for m in library().values() if m.stage == first.mechanism.stage]
-        step = considered(others, start, {}, [n for n in alike if n not in account.names])
+        step = considered(others, start, {}, alike)
         if not step:
             continue
         one = replace(step[0], account=step[0].account.settled())

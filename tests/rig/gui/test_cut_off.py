@@ -139,7 +139,7 @@ def lasting(window: Window) -> list[str]:
     for _ in range(3):
         for _ in range(3):
             QApplication.processEvents()
-        found = list(cut_off(window))
+        found = cut_off(window)
         if not found:
             break
     return found

@@ -133,6 +133,20 @@ def test_a_dashpot_in_series_with_a_spring_is_a_quick_arm(trial: CellTrial) -> N
     assert np.linalg.norm(dashpot - arm) < 0.02 * np.linalg.norm(arm - plain)
 
 
+@pytest.mark.parametrize("with_depth", [0.2, 0.5, 1.0])
+def test_a_dashpot_that_is_wetted_more_with_depth_has_its_mean_over_the_depths(
+    trial: CellTrial, with_depth: float
+) -> None:
+    law, rising = library()["parallel_dashpot"], trial.in_phase("ramp")
+    depth_mm = np.where(rising, np.cumsum(trial.velocity_mm_s * trial.widths_s * rising), 0.0)
+    whole = replace(trial, study_depth_mm=float(depth_mm.max()))
+    values = {"coefficient_mn_s_per_mm": 0.4, "settle_ms": 0.01, "with_depth": with_depth}
+    force_mn = np.asarray(law.tissue_force_mn(whole, depth_mm, TISSUE, values))
+    mean_mn = np.trapezoid(force_mn[rising] / trial.velocity_mm_s[rising], depth_mm[rising]) / depth_mm.max()
+    assert mean_mn == pytest.approx(0.4, rel=0.03)
+    assert np.all(np.diff(force_mn[rising][5:-5]) > 0.0)
+
+
 def test_a_power_law_begins(trial: CellTrial) -> None:
     """Long after that it is the textbook's; a solid that holds to it at once is stiffer at first."""
     law, since_s = library()["power_law_relaxation"], np.array([1e-3, 0.03, 3.0])

@@ -35,8 +35,8 @@ class CellTrial:
     ``full_force_mn`` and ``full_servo_residual_mm`` (N,) keep every sample, taken at ``uneven_s`` (N,) where they are
     not evenly spaced. ``starts`` is the first sample of each cell and ``counts`` how many it has; ``time_s`` are the
     cells' centres, counted from the trial's first sample;
-    ``position_mm``, ``velocity_mm_s``, ``acceleration_mm_s2``, ``shake_mm_s2`` the smoothed motion; ``force_mn`` and
-    ``servo_residual_mm`` (recorded position less the nominal servo's) plain averages of what was recorded;
+    ``position_mm``, ``velocity_mm_s``, ``acceleration_mm_s2``, ``shake_mm_s2`` (n, 2) the smoothed motion; ``force_mn``
+    and ``servo_residual_mm`` (recorded position less the nominal servo's) plain averages of what was recorded;
     ``servo_signature_mm`` (n, 2) the change of the servo's position by ln(natural frequency) and ln(damping);
     ``phase`` indexes PHASE_NAMES (-1: none).
     ``condition`` is what was stated of the trial, and which of the motions that were run so is its own.

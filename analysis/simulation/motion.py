@@ -1,4 +1,4 @@
-"""What the arm really did: the recorded motion freed of its measurement noise.
+"""What the arm really did: the recorded motion smooth of its measurement noise.
 
 Driving a tissue model with the raw recorded position biases it (0.25 um of noise a sample); what is known
 of the servo gives the fast part of the motion, the recording gives what the servo does not explain.
@@ -38,13 +38,13 @@ SERVO_SAMPLES = 8
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """The arm's motion at full rate, each (N,), and what the nominal servo leaves of the recording.
+    """The arm's motion at full rate, each (N,) but where told, and what the nominal servo leaves of the recording.
 
     ``servo_residual_mm`` is recorded minus the nominal servo's answer to the command and ``servo_signature_mm`` (N, 2)
     how the answer of the servo that was found changes with ln(natural frequency) and ln(damping ratio); zero where no
     command was recorded.
-    ``shake_mm_s2`` is by how much more the arm accelerates at the samples than between them if the output steps and so
-    pushes it once a sample.
+    ``shake_mm_s2`` (N, 2) is by how much more the arm accelerates at the samples than between them if the output steps
+    and so pushes it once a sample: just before it steps, and just after.
     ``kinks`` are the samples at which the velocity of the command changes at once.
     """
 
@@ -55,6 +55,22 @@ class Motion:
     servo_residual_mm: FloatArray
     servo_signature_mm: FloatArray
     kinks: IntArray
+
+
+@dataclass(frozen=True, slots=True)
+class FoundServo:
+    """Natural frequency (rad/s) and damping ratio of the servo that explains recorded position best.
+
+    ``of_lines`` is driven by lines from sample to sample, ``of_steps`` by a command that stands from one to the next,
+    as a card plays it; ``steps_show`` tells whether recordings say that it does.
+    """
+
+    of_lines: tuple[float, float] = (DEFAULT_NATURAL_FREQUENCY_RAD_S, DEFAULT_DAMPING_RATIO)
+    of_steps: tuple[float, float] = (DEFAULT_NATURAL_FREQUENCY_RAD_S, DEFAULT_DAMPING_RATIO)
+    steps_show: bool = False
+
+
+NOMINAL_SERVO = FoundServo()
 
 
 def find_kinks(trial: Trial) -> IntArray:
@@ -82,10 +98,8 @@ def find_kinks(trial: Trial) -> IntArray:
     return np.array(sorted(found), dtype=np.int64)
 
 
-def fit_servo(trials: list[Trial]) -> tuple[tuple[float, float], tuple[float, float] | None]:
-    """Return natural frequency (rad/s) and damping ratio that explain recorded position best.
-
-    Then the same for a command that stands from sample to sample, where recordings say that it does.
+def fit_servo(trials: list[Trial]) -> FoundServo:
+    """Return the servo that explains recorded position best.
 
     Of a press only samples near kinks carry information on the servo, of a sweep all do. Without a command, where
     nothing moves, or where samples are too far apart to show a servo, the nominal one is returned.
@@ -108,7 +122,7 @@ def fit_servo(trials: list[Trial]) -> tuple[tuple[float, float], tuple[float, fl
                 continue
             pieces.append((u, trial.position_mm[lo:hi], trial.sample_rate_hz))
     if not pieces:
-        return (DEFAULT_NATURAL_FREQUENCY_RAD_S, DEFAULT_DAMPING_RATIO), None
+        return NOMINAL_SERVO
 
     def residual(log_p: FloatArray, held: bool) -> FloatArray:
         wn, zeta = np.exp(log_p)
@@ -130,9 +144,9 @@ def fit_servo(trials: list[Trial]) -> tuple[tuple[float, float], tuple[float, fl
         )
         for held in (False, True)
     )
-    (wn, zeta), (held_wn, held_zeta) = (np.exp(best.x).tolist() for best in (lines, steps))
     likelier = 0.5 * len(lines.fun) * np.log(max(lines.cost, 1e-300) / max(steps.cost, 1e-300))
-    return (wn, zeta), (held_wn, held_zeta) if likelier > STEPS_SHOW else None
+    of_lines, of_steps = ((float(np.exp(best.x[0])), float(np.exp(best.x[1]))) for best in (lines, steps))
+    return FoundServo(of_lines, of_steps, bool(likelier > STEPS_SHOW))
 
 
 def _servo_explains(recorded_mm: FloatArray, servo_mm: FloatArray) -> bool:
@@ -144,37 +158,32 @@ def _servo_explains(recorded_mm: FloatArray, servo_mm: FloatArray) -> bool:
     return bool(float(np.std(left)) <= UNKNOWN_DRIVE * max(noise_mm, SMALLEST_NOISE_MM))
 
 
-def estimate_motion(
-    trial: Trial,
-    natural_frequency_rad_s: float = DEFAULT_NATURAL_FREQUENCY_RAD_S,
-    damping_ratio: float = DEFAULT_DAMPING_RATIO,
-    held: tuple[float, float] | None = None,
-) -> Motion:
+def estimate_motion(trial: Trial, servo: FoundServo = NOMINAL_SERVO) -> Motion:
     """Return the motion behind a recording: the servo's answer plus the smoothed rest.
-
-    ``held`` are natural frequency and damping ratio of a servo whose command stands from sample to sample.
 
     The rest is smoothed over 0.8 ms near kinks, where it may be fast, and over 5 ms elsewhere, or as much more as it
     bears: what stays of its noise would be a force in contact. Without a command the recorded position itself is
     smoothed so.
     """
     rate, recorded = trial.sample_rate_hz, trial.position_mm
-    kinks, shake = find_kinks(trial), np.zeros_like(recorded)
+    kinks, shake = find_kinks(trial), np.zeros((len(recorded), 2))
     if trial.command_mm is not None:
         lines = straightened(trial.command_mm, kinks.tolist())
-        stepped = follow(lines, rate, *(held or (natural_frequency_rad_s, damping_ratio)), held=True)
-        between = np.diff(stepped.velocity_mm_s, prepend=0.0) * rate
-        shake = stepped.acceleration_mm_s2 - between
-        if held is not None:
-            base, v, a = stepped.position_mm, stepped.velocity_mm_s, between
+        stepped = follow(lines, rate, *servo.of_steps, held=True)
+        if servo.steps_show:
+            base, v = stepped.position_mm, stepped.velocity_mm_s
+            a = np.diff(v, prepend=0.0) * rate
         else:
-            servo = follow(lines, rate, natural_frequency_rad_s, damping_ratio)
-            base, v, a = servo.position_mm, servo.velocity_mm_s, servo.acceleration_mm_s2
+            driven = follow(lines, rate, *servo.of_lines)
+            base, v, a = driven.position_mm, driven.velocity_mm_s, driven.acceleration_mm_s2
+        before = stepped.acceleration_mm_s2 - a
+        shake = np.column_stack([before, before + servo.of_steps[0] ** 2 * np.diff(lines, prepend=lines[0])])
     else:
         base, v, a = np.zeros_like(recorded), np.zeros_like(recorded), np.zeros_like(recorded)
     if trial.command_mm is not None and not _servo_explains(recorded, base):
         # a drive that is no such servo: its answer would add accelerations that never were
-        base, v, a, shake = (np.zeros_like(recorded) for _ in range(4))
+        base, v, a = (np.zeros_like(recorded) for _ in range(3))
+        shake = np.zeros_like(shake)
         unknown = smoothed(recorded, width_for_acceleration(recorded))
     else:
         unknown = None
@@ -199,7 +208,7 @@ def estimate_motion(
         nominal = follow(trial.command_mm, rate, wn, zeta).position_mm
         servo_residual = recorded - nominal
         # at the servo that was found: far from the nominal one both parameters say the same there
-        h, (wn, zeta) = 1e-3, (natural_frequency_rad_s, damping_ratio)
+        h, (wn, zeta) = 1e-3, servo.of_lines
         found = follow(trial.command_mm, rate, wn, zeta).position_mm
         signature[:, 0] = (follow(trial.command_mm, rate, wn * (1 + h), zeta).position_mm - found) / h
         signature[:, 1] = (follow(trial.command_mm, rate, wn, zeta * (1 + h)).position_mm - found) / h

@@ -173,7 +173,7 @@ def reduce_trial(
         position_mm=mean(motion.position_mm),
         velocity_mm_s=mean(motion.velocity_mm_s),
         acceleration_mm_s2=mean(motion.acceleration_mm_s2),
-        shake_mm_s2=mean(motion.shake_mm_s2),
+        shake_mm_s2=np.column_stack([mean(c) for c in motion.shake_mm_s2.T]),
         command_mm=mean(command) if command is not None else mean(motion.position_mm),
         force_mn=np.add.reduceat(force_mn, starts) / counts,
         servo_residual_mm=mean(motion.servo_residual_mm),

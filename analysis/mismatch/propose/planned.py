@@ -95,7 +95,7 @@ def planned_cells(plan: PlannedTrial, sample_rate_hz: float, order: int = 0) -> 
         position_mm=position,
         velocity_mm_s=servo.velocity_mm_s,
         acceleration_mm_s2=servo.acceleration_mm_s2,
-        shake_mm_s2=np.zeros(n),
+        shake_mm_s2=np.zeros((n, 2)),
         servo_residual_mm=np.zeros(n),
         servo_signature_mm=np.zeros((n, 2)),
         kinks=np.array(sorted(set(kinks)), dtype=np.int64),

@@ -169,11 +169,11 @@ def _mechanisms(diagnosis: Diagnosis, kept: Sequence[Finding]) -> tuple[FoundMec
     ]
     position = diagnosis.position
     if position is not None and servo_named(diagnosis):
-        m, of_lines = library()[SERVO], np.array(diagnosis.intake.servo)
+        m, drive = library()[SERVO], diagnosis.intake.servo
         # no drive is a second-order servo to more than any law is right; an output that steps would have had a part
-        stepped = np.log(np.array(diagnosis.intake.servo_held or of_lines) / of_lines)
+        stepped = drive.steps_show * np.log(np.divide(drive.of_steps, drive.of_lines))
         se = np.sqrt(np.square(position.standard_errors) + SIZE_INEXACT**2 + stepped**2)
-        wn, zeta = of_lines.tolist()
+        wn, zeta = drive.of_lines
         servo = {
             "natural_frequency_rad_s": Quantity(wn, wn * float(se[0]), "rad/s"),
             "damping_ratio": Quantity(zeta, zeta * float(se[1]), "1"),

@@ -14,7 +14,7 @@ from analysis.mismatch.study.repeats import with_conditions
 from analysis.recordings import read_trial
 from analysis.recordings.trial import Trial
 from analysis.simulation.cells import CellTrial
-from analysis.simulation.motion import estimate_motion, fit_servo
+from analysis.simulation.motion import FoundServo, estimate_motion, fit_servo
 from analysis.simulation.reduction import reduce_trial
 
 Setting = Literal["finger", "lever", "other"]
@@ -33,14 +33,12 @@ class Intake:
 
     trials: tuple[CellTrial, ...]
     left_out: tuple[str, ...]
-    servo: tuple[float, float]
+    servo: FoundServo
     punch_diameter_mm: float | None
     notes: tuple[str, ...] = ()
     setting: Setting = "finger"
     imports: tuple[tuple[str, tuple[str, ...]], ...] = ()
     """File and log of every trial that was imported."""
-    servo_held: tuple[float, float] | None = None
-    """The servo if its command stands from sample to sample, which is half a sample of lag; where recordings say so."""
 
 
 def take_in(paths: Sequence[Path], *, hold_only: bool = False) -> Intake:
@@ -104,7 +102,7 @@ def _reduce(
         )
     heads = sorted(heads, key=lambda t: (t.started, t.path))
     with_command = [h for h in heads if h.command_v is not None]
-    servo, held = fit_servo([load(h) for h in with_command[:SERVO_TRIALS]])
+    servo = fit_servo([load(h) for h in with_command[:SERVO_TRIALS]])
     cells: list[CellTrial] = []
     before_mm: float | None = None
     for order, head in enumerate(heads):
@@ -113,7 +111,7 @@ def _reduce(
         felt = (before_mm, rest_s) if before_mm is not None and rest_s is not None else None
         try:
             trial = load(head)
-            motion = estimate_motion(trial, *servo, held)
+            motion = estimate_motion(trial, servo)
             cells.append(reduce_trial(trial, motion, order=order, pressed_before=felt, hold_only=hold_only))
         except UNCOMPUTABLE as error:
             left_out.append(
@@ -137,7 +135,6 @@ def _reduce(
         _notes(heads),
         setting,
         tuple((Path(h.path).name, h.log) for h in heads if h.source == "imported"),
-        servo_held=held,
     )
 
 

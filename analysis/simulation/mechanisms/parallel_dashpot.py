@@ -8,7 +8,6 @@ from analysis.simulation.cells import CellTrial
 from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Tissue, Values
 from analysis.simulation.response import low_pass
 
-
 _TEXTBOOK = {"settle_ms": 0.05, "with_depth": 0.0}
 
 

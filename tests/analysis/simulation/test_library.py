@@ -105,7 +105,7 @@ def test_compliance_before_a_rigid_block_is_two_springs_in_series() -> None:
         label="block", kind="rigid_target", condition="", order=0, sample_rate_hz=8000.0,
         starts=np.arange(n), counts=np.ones(n), full_force_mn=zeros.astype(np.float32),
         full_servo_residual_mm=zeros.astype(np.float32), time_s=np.arange(n) / 8000.0, position_mm=x,
-        velocity_mm_s=np.gradient(x) * 8000.0, acceleration_mm_s2=zeros, shake_mm_s2=zeros,
+        velocity_mm_s=np.gradient(x) * 8000.0, acceleration_mm_s2=zeros, shake_mm_s2=np.zeros((n, 2)),
         command_mm=x, force_mn=zeros, servo_residual_mm=zeros,
         servo_signature_mm=np.zeros((n, 2)), phase=np.full(n, 2), z0_start_mm=0.0,
         offset_start_mn=0.0, depth_mm=0.01, has_command=True,

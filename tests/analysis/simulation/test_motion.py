@@ -9,7 +9,7 @@ import pytest
 
 from analysis.recordings import read_trial
 from analysis.recordings.importing import import_recordings
-from analysis.simulation.motion import fit_servo
+from analysis.simulation.motion import FoundServo, estimate_motion, fit_servo
 from analysis.simulation.servo import follow
 
 RATE_HZ = 2000.0
@@ -37,8 +37,8 @@ def test_the_servo_of_a_drive_is_found_from_its_sweep(tmp_path: Path, wn: float,
     )
     (imported,), refused = import_recordings([tmp_path / "axis.csv"], tmp_path / "trials", "air_sweep")
     assert not refused
-    found, _ = fit_servo([read_trial(imported.path)])
-    assert found == pytest.approx((wn, zeta), rel=0.02)
+    found = fit_servo([read_trial(imported.path)])
+    assert found.of_lines == pytest.approx((wn, zeta), rel=0.02)
 
 
 def test_an_output_that_steps_is_not_taken_for_a_slower_servo(tmp_path: Path) -> None:
@@ -57,7 +57,27 @@ def test_an_output_that_steps_is_not_taken_for_a_slower_servo(tmp_path: Path) ->
     files = [tmp_path / f"ramps_{k}.csv" for k in range(10)]
     imported, refused = import_recordings(files, tmp_path / "trials", "ramp_hold_retract")
     assert not refused
-    lines, held = fit_servo([read_trial(i.path) for i in imported])
+    found = fit_servo([read_trial(i.path) for i in imported])
     # seed fixed; standard errors of a hundredth, so that five of them are allowed
-    assert held == pytest.approx((wn, zeta), rel=0.05)
-    assert lines[0] < 0.95 * wn
+    assert found.steps_show
+    assert found.of_steps == pytest.approx((wn, zeta), rel=0.05)
+    assert found.of_lines[0] < 0.95 * wn
+
+
+def test_an_arm_is_shaken_before_and_after_its_output_steps(tmp_path: Path) -> None:
+    rate_hz, wn, zeta, fine = 8000.0, 5000.0, 1.0, 64
+    time_s = np.arange(4000) / rate_hz
+    command_mm = np.interp(time_s, [0.0, 0.1, 0.2, 0.3, 0.4], [0.0, 0.0, 0.5, 0.5, 0.0])
+    played = follow(np.repeat(command_mm, fine), fine * rate_hz, wn, zeta, held=True)
+    table = np.column_stack([time_s, played.position_mm[::fine], 100.0 * command_mm, command_mm])
+    names = "time_s,position_mm,force_mn,command_mm"
+    np.savetxt(tmp_path / "ramp.csv", table, delimiter=",", header=names, comments="")
+    imported, refused = import_recordings([tmp_path / "ramp.csv"], tmp_path / "trials", "ramp_hold_retract")
+    assert not refused
+    trial = read_trial(imported[0].path)
+    for servo in (FoundServo((wn, zeta), (wn, zeta), True), FoundServo((4300.0, 1.0), (wn, zeta), False)):
+        motion = estimate_motion(trial, servo)
+        for moment in (0, 1):
+            expected = played.acceleration_mm_s2[moment::fine]
+            found = motion.acceleration_mm_s2 + motion.shake_mm_s2[:, moment]
+            assert np.linalg.norm(found - expected) < 0.05 * np.linalg.norm(expected)

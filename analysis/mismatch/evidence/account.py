@@ -103,6 +103,15 @@ class Account:
         gain = self.evidence - other.evidence
         return float(gain.sum()), float(np.std(gain) * np.sqrt(len(gain)))
 
+    def gain_by_itself(self, other: Account) -> tuple[float, float]:
+        """Return the gain in nats, with its paired error, over another account by its noise or this one's.
+
+        What the other would gain by this noise comes of measuring noise, not of what was added.
+        """
+        if other.fit.noise != self.fit.noise:
+            other = max(other, other.at_noise(self.fit.noise), key=lambda a: a.nats)
+        return self.gain_over(other)
+
     def let_go(self) -> Account:
         """Return the account with its evidence, but not what that was made of: columns of all trials fill memory."""
         kept = replace(self, fit=replace(self.fit))

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.mismatch.evidence.account import Account
-from analysis.mismatch.fit.gram import solve
-from analysis.mismatch.fit.law_fit import at_bound, at_ends
+from analysis.mismatch.fit.law_fit import at_bound
 from analysis.mismatch.levels import INEXACT, TEMPER, TWO_ERRORS, WORTH_NAMING
-from analysis.mismatch.model.effects import TISSUE_SIZE, Law
+from analysis.mismatch.name.law_sizes import law_sizes
 from analysis.mismatch.name.lines import Line
-from analysis.mismatch.name.own_sizes import SIZE_INEXACT, Quantity, own_sizes, unsure_hz
+from analysis.mismatch.name.own_sizes import Quantity, own_sizes, unsure_hz
 from analysis.mismatch.name.search import Named, Rival
 from analysis.simulation.mechanism import Mechanism, library
 
@@ -45,8 +44,6 @@ class Finding:
 def findings(named: Named, baseline: Account, lines: Sequence[Line]) -> tuple[Finding, ...]:
     """Return everything that was named, most evidence first."""
     account = named.account
-    # recordings may say that laws leave nothing over, but not of what their parameters could take up
-    rough = replace(account, inexact=max(account.inexact, SIZE_INEXACT))
     found = []
     for name in account.names:
         mechanism = library().get(name)
@@ -61,7 +58,7 @@ def findings(named: Named, baseline: Account, lines: Sequence[Line]) -> tuple[Fi
         probability, alternatives = weighed(mechanism, named.rivals.get(name, ()), account.names)
         law = next((law for law in account.fit.shared.laws if law.name == name), None)
         sizes = (
-            law_sizes(rough, law)
+            law_sizes(account, law)
             if law is not None
             else own_sizes(account, mechanism, unsure_hz(account, mechanism))
         )
@@ -122,48 +119,3 @@ def weighed(
     mine = probability.pop(mechanism.name)
     kept = {n: p for n, p in probability.items() if p >= WORTH_NAMING or n in close}
     return mine, dict(sorted(kept.items(), key=lambda item: -item[1]))
-
-
-def law_sizes(account: Account, law: Law) -> dict[str, Quantity]:
-    """Return a law's reported parameters with their errors, tissue and inexactness free.
-
-    Laws are off by the account's share in every phase, and parameters that trade with each other as unsure as that
-    leaves them. What a law is like within stays where it ended at a limit: beyond it nothing trades with the size.
-    """
-    fit = account.fit
-    N, ridge = account.grams.total(), account.grams.ridge
-    parameters = [(p, other.values[p.name]) for other in fit.shared.laws for p in other.parameters]
-    held = {TISSUE_SIZE + k for k, (p, value) in enumerate(parameters) if p.inner and any(at_ends(p, value))}
-    pick = [k for k in range(TISSUE_SIZE + account.grams.n_added) if k not in held]
-    errors = np.zeros(TISSUE_SIZE + account.grams.n_added)
-    errors[pick] = np.sqrt(np.maximum(np.diag(solve(N, ridge, pick)[1]), 0.0))
-    at = TISSUE_SIZE
-    for other in fit.shared.laws:
-        if other is law:
-            break
-        at += len(other.parameters)
-    found = {}
-    for k, p in enumerate(law.parameters):
-        value = law.values[p.name]
-        error = abs(p.derivative(value)) * float(errors[at + k])
-        is_size = p.name == law.mechanism.amplitude and law.mechanism.null[p.name] == 0.0
-        if is_size or (p.scale == "log" and p.name != law.mechanism.amplitude):
-            # what is so much off in all phases alike, and a time by which they all go
-            error = float(np.hypot(error, SIZE_INEXACT * value))
-        if not p.inner:
-            found[p.name] = Quantity(value, error, p.unit)
-    return whole_law(law, found, fit.trials[0].study_depth_mm)
-
-
-def whole_law(law: Law, found: dict[str, Quantity], depth_mm: float) -> dict[str, Quantity]:
-    """Return sizes with those that a law's other form implies: d^p has the curvature of b at half the largest depth.
-
-    Both forms grow alike there: 1 + b d / (1 + b d) = p.
-    """
-    p = found.get("exponent")
-    if law.name != "stiffening" or p is None:
-        return found
-    bent = min(p.value - 1.0, 0.99)
-    b = bent / (1.0 - bent) / (0.5 * depth_mm)
-    slope = 1.0 / (1.0 - bent) ** 2 / (0.5 * depth_mm)
-    return {"exponent": p, "coefficient_per_mm": Quantity(b, slope * p.se, "1/mm")}

@@ -24,6 +24,7 @@ from analysis.mismatch.levels import (
 )
 from analysis.mismatch.locate.remainder import shape_left
 from analysis.mismatch.model.dictionary import templates
+from analysis.mismatch.name.law_sizes import size_is_told
 from analysis.mismatch.name.options import Option, law_options, own_options
 from analysis.mismatch.name.oscillations import phases_alike
 from analysis.mismatch.name.own_sizes import own_sizes
@@ -196,10 +197,12 @@ def as_rival(
             refitted = begun_again(refitted, law.name, nothing)
         gain, error = refitted.gain_over(account)
     freed = frees(refitted, account) and gain >= enough
-    if freed:
-        gain, error = refitted.gain_over(account.exact.weighed_anew())
+    before = account.exact.weighed_anew() if freed else account
+    gain, error = refitted.gain_over(before)
     # a gain below its error is one trial's, at the cost of others
     asked = max(enough, error, SURE * left)
+    if gain >= asked:
+        gain, error = refitted.gain_by_itself(before)
     if gain >= asked and any(s.rhythms for s in account.fit.states):
         # a rhythm that was followed anew may be found elsewhere, whatever was added
         without = refitted.without(name).reweighed()
@@ -212,6 +215,8 @@ def as_rival(
     ):
         return []
     if not freed and not explains_itself(refitted, account, gain, asked):
+        return []
+    if not all(size_is_told(refitted, law) for law in refitted.fit.shared.laws if law.name == name):
         return []
     return [Rival(name, gain, error, refitted.let_go(), left)]
 

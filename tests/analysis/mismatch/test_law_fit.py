@@ -26,7 +26,7 @@ from analysis.mismatch.fit.law_fit import (
 from analysis.mismatch.fit.noise import NoiseModel
 from analysis.mismatch.fit.own import solved
 from analysis.mismatch.model.effects import TISSUE_SIZE, Law, OwnShape, Shared, simulate
-from analysis.mismatch.name.finding import law_sizes
+from analysis.mismatch.name.law_sizes import law_sizes, size_is_told
 from analysis.mismatch.name.own_sizes import SIZE_INEXACT
 from analysis.mismatch.study.intake import take_in_memory
 from analysis.recordings.trial import Trial
@@ -131,3 +131,27 @@ def test_a_law_s_size_and_time_are_known_to_its_tenth(record: Callable[..., list
     found = law_sizes(Account(quiet), law)
     for name, value in law.values.items():
         assert SIZE_INEXACT * value <= found[name].se < 2.0 * SIZE_INEXACT * value
+
+
+def test_a_size_within_two_errors_of_nothing_is_not_told(record: Callable[..., list[Trial]]) -> None:
+    fit = fit_baseline(take_in_memory(record(51)).trials)
+    arm = library()["third_relaxation"]
+    law = Law(arm, {"ratio_to_k0": 0.1, "time_constant_s": 0.7}, ("ratio_to_k0", "time_constant_s"))
+
+    def told(ratio: float) -> bool:
+        sized = replace(law, values={**law.values, "ratio_to_k0": ratio})
+        account = Account(replace(fit, shared=Shared((sized,))))
+        size = law_sizes(account, sized)["ratio_to_k0"]
+        assert size_is_told(account, sized) == (size.value > 2.0 * size.se)
+        return size_is_told(account, sized)
+
+    assert not told(1e-3)
+    assert told(0.5)
+
+
+def test_what_a_kinder_noise_brings_is_no_gain_of_an_effect(record: Callable[..., list[Trial]]) -> None:
+    fit = fit_baseline(take_in_memory(record(52)).trials)
+    harsh = Account(fit.weighed_by(NoiseModel(2.0 * fit.noise.white_mn)).with_population(1))
+    kinder = harsh.at_noise(fit.noise)
+    assert kinder.gain_over(harsh)[0] > 100.0
+    assert abs(kinder.gain_by_itself(harsh)[0]) < 1.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,20 +12,31 @@ from analysis.mismatch.fit.own import moved
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.fit.trial_fit import limited
 from analysis.mismatch.model.dictionary import Template, template_columns
-from analysis.mismatch.model.effects import simulate
+from analysis.mismatch.model.effects import TISSUE_SIZE, simulate
 
 FloatArray = NDArray[np.float64]
 
 STEPS = 2
 
 
-def settled_columns(fit: StudyFit, wanted: Sequence[Template]) -> list[FloatArray]:
-    """Return what each template changes in each trial's force, (n_j, K) mN, its own parameters moved to undo it."""
+@dataclass(frozen=True)
+class Settled:
+    """What K templates change in one trial once its own parameters have moved to undo it.
+
+    ``force_mn`` (n, K) is what is left, ``log_tissue`` (K, 5) by how much the constants' logarithms have moved.
+    """
+
+    force_mn: FloatArray
+    log_tissue: FloatArray
+
+
+def settled_columns(fit: StudyFit, wanted: Sequence[Template]) -> list[Settled]:
+    """Return what each template changes in each trial, its own parameters moved to undo it."""
     return [_settled(fit, j, wanted) for j in range(len(fit.trials))]
 
 
-def _settled(fit: StudyFit, j: int, wanted: Sequence[Template]) -> FloatArray:
-    """Return the change of force (n, K) by each template in the j-th trial, its own parameters moved to undo it, mN.
+def _settled(fit: StudyFit, j: int, wanted: Sequence[Template]) -> Settled:
+    """Return what each template changes in the j-th trial, its own parameters moved to undo it.
 
     A law that moves the surface by microns moves the kink of first contact, which is linear in nothing: the contact
     point must follow before a linear share is taken.
@@ -33,6 +44,7 @@ def _settled(fit: StudyFit, j: int, wanted: Sequence[Template]) -> FloatArray:
     trial, state, own = fit.trials[j], fit.states[j], fit.own[j]
     base = simulate(trial, state, fit.shared)
     columns = template_columns(trial, state, fit.shared, wanted)
+    log_tissue = np.zeros((len(wanted), TISSUE_SIZE))
     for k, template in enumerate(wanted):
         if not np.any(columns[:, k]):
             continue
@@ -46,4 +58,6 @@ def _settled(fit: StudyFit, j: int, wanted: Sequence[Template]) -> FloatArray:
             if not left < before:
                 break
             columns[:, k], before = followed, left
-    return columns
+            if state.has_tissue:
+                log_tissue[k] = there.log_tissue - state.log_tissue
+    return Settled(columns, log_tissue)

@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 
 from analysis.mismatch.evidence.account import Account, with_own_sizes
 from analysis.mismatch.evidence.heldout import predictive_deviance
+from analysis.mismatch.evidence.scatter import scatter_explained
 from analysis.mismatch.fit.baseline import noise_left
 from analysis.mismatch.fit.gram import gram, solve
 from analysis.mismatch.fit.law_fit import fit_laws
+from analysis.mismatch.fit.settled import Settled
 from analysis.mismatch.fit.steadied import steadied
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import (
@@ -51,18 +53,18 @@ class Option:
 
 
 def law_options(
-    account: Account, nothing: Account, wanted: list[Template], settled: Sequence[FloatArray]
+    account: Account, nothing: Account, wanted: list[Template], settled: Sequence[Settled]
 ) -> list[Option]:
     """Return the laws that might be added, weighed beside what the present laws may leave over.
 
-    ``settled`` is what each template changes in each trial's force, (n_j, K) mN, by `settled_columns`.
+    ``settled`` is what each template changes in each trial, by `settled_columns`.
     """
     fit = account.fit
     # of fewer trials none can say how exact a law is
     inexact = account.inexact or (INEXACT if len(fit.trials) >= FEWEST_HELD_OUT else 0.0)
     known = replace(account, inexact=inexact)
     present = len(known.precision)
-    columns = (np.hstack([known.columns(j), changed]) for j, changed in enumerate(settled))
+    columns = (np.hstack([known.columns(j), changed.force_mn]) for j, changed in enumerate(settled))
     grams = gram(fit, columns, np.append(known.precision, np.zeros(len(wanted))))
     before = predictive_deviance(grams, range(present))
     total = grams.total()
@@ -82,8 +84,10 @@ def law_options(
         return 0.5 * float((before - after).sum()), float(coefficients[-1])
 
     best: dict[str, list[tuple[float, int, float]]] = {}
-    for k, template in enumerate(wanted):
+    for k, (template, (calmer, at)) in enumerate(zip(wanted, scatter_explained(fit, settled), strict=True)):
         gain, coefficient = weighed(k)
+        if calmer > gain and (at > 0.0 or not template.mechanism.one_sided):
+            gain, coefficient = calmer, at
         best.setdefault(template.name, []).append((gain, k, coefficient))
     options = []
     most, leader, _ = max((max(found) for found in best.values()), default=(0.0, 0, 0.0))

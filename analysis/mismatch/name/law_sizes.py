@@ -9,7 +9,7 @@ import numpy as np
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.gram import solve
 from analysis.mismatch.fit.law_fit import at_ends
-from analysis.mismatch.levels import TWO_ERRORS
+from analysis.mismatch.levels import FEWEST_HELD_OUT, TWO_ERRORS
 from analysis.mismatch.model.effects import TISSUE_SIZE, Law
 from analysis.mismatch.name.own_sizes import SIZE_INEXACT, Quantity
 
@@ -17,9 +17,11 @@ from analysis.mismatch.name.own_sizes import SIZE_INEXACT, Quantity
 def size_is_told(account: Account, law: Law) -> bool:
     """Return whether a law's size is more than two of its errors from nothing.
 
-    What a tissue and its population took up for each other is evidence without a size. A form, as a power is, has none.
+    What a tissue and its population took up for each other is evidence without a size. A form, as a power is, has none,
+    and of one or two trials there is no population: what their one tissue may take up is as open as their sizes.
     """
-    if law.size.name != law.mechanism.amplitude or law.size.scale != "linear":
+    few = len(account.fit.trials) < FEWEST_HELD_OUT
+    if few or law.size.name != law.mechanism.amplitude or law.size.scale != "linear":
         return True
     size = law_sizes(account, law)[law.size.name]
     return abs(size.value - law.mechanism.null[law.size.name]) > TWO_ERRORS * size.se

@@ -147,6 +147,10 @@ def test_a_size_within_two_errors_of_nothing_is_not_told(record: Callable[..., l
 
     assert not told(1e-3)
     assert told(0.5)
+    # one or two trials are no population
+    sized = replace(law, values={**law.values, "ratio_to_k0": 1e-3})
+    two = fit_baseline(take_in_memory(record(51)[:2]).trials)
+    assert size_is_told(Account(replace(two, shared=Shared((sized,)))), sized)
 
 
 def test_what_a_kinder_noise_brings_is_no_gain_of_an_effect(record: Callable[..., list[Trial]]) -> None:

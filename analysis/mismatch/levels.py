@@ -27,6 +27,9 @@ STARTS = 4
 MOST_EFFECTS = 4
 """Effects in one account: twenty trials say no more."""
 
+ENOUGH_ONCE = ENOUGH_SHARED - math.log(MOST_EFFECTS)
+"""Evidence for what is asked once of a study, not at each of its steps."""
+
 INEXACT = 0.1
 """A law of the textbook is right to about a tenth of its size, in every trial and phase anew."""
 

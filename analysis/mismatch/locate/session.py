@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.stats import f as f_distribution
 
 from analysis.mismatch.fit.study_fit import StudyFit
-from analysis.mismatch.levels import ENOUGH_SHARED
+from analysis.mismatch.levels import ENOUGH_ONCE
 from analysis.mismatch.model.effects import TISSUE_NAMES, TISSUE_SIZE, simulate
 from analysis.mismatch.model.words import listed
 
@@ -38,7 +38,7 @@ class Trend:
     @property
     def significant(self) -> bool:
         """Whether it is more than how sites and fingers scatter."""
-        return self.evidence > ENOUGH_SHARED
+        return self.evidence > ENOUGH_ONCE
 
     @property
     def words(self) -> str:

@@ -13,6 +13,7 @@ from analysis.mismatch.fit.law_fit import at_bound
 from analysis.mismatch.fit.settled import settled_columns
 from analysis.mismatch.levels import (
     CLOSE,
+    ENOUGH_ONCE,
     ENOUGH_OWN,
     ENOUGH_SHARED,
     FEWEST_HELD_OUT,
@@ -242,7 +243,7 @@ def is_nothing(account: Account, name: str) -> bool:
     mechanism = library().get(name)
     if name not in account.steps or mechanism is None or mechanism.form != "oscillation":
         return False
-    locked = phases_alike(fit, name) > ENOUGH_SHARED
+    locked = phases_alike(fit, name) > ENOUGH_ONCE
     return locked or not own_sizes(account, mechanism)[mechanism.amplitude].value > 0.0
 
 

@@ -1,4 +1,4 @@
-"""What the arm really did: the recorded motion smooth of its measurement noise.
+"""What the arm really did: the recorded motion freed of its measurement noise.
 
 Driving a tissue model with the raw recorded position biases it (0.25 um of noise a sample); what is known
 of the servo gives the fast part of the motion, the recording gives what the servo does not explain.

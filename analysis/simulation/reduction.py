@@ -146,6 +146,9 @@ def reduce_trial(
     def mean(signal: FloatArray) -> FloatArray:
         return np.add.reduceat(taken(signal), starts) / counts
 
+    def means(signals: FloatArray) -> FloatArray:
+        return np.column_stack([mean(signal) for signal in signals.T])
+
     phase = np.full(trial.n_samples, -1, dtype=np.int64)
     for p in trial.phases:
         phase[p.samples] = PHASE_NAMES.index(p.name)
@@ -173,11 +176,11 @@ def reduce_trial(
         position_mm=mean(motion.position_mm),
         velocity_mm_s=mean(motion.velocity_mm_s),
         acceleration_mm_s2=mean(motion.acceleration_mm_s2),
-        shake_mm_s2=np.column_stack([mean(c) for c in motion.shake_mm_s2.T]),
+        shake_mm_s2=means(motion.shake_mm_s2),
         command_mm=mean(command) if command is not None else mean(motion.position_mm),
         force_mn=np.add.reduceat(force_mn, starts) / counts,
         servo_residual_mm=mean(motion.servo_residual_mm),
-        servo_signature_mm=np.column_stack([mean(c) for c in motion.servo_signature_mm.T]),
+        servo_signature_mm=means(motion.servo_signature_mm),
         phase=cell_phase,
         z0_start_mm=z0_mm,
         offset_start_mn=offset_mn,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.law_fit import at_bound
 from analysis.mismatch.levels import INEXACT, TEMPER, TWO_ERRORS, WORTH_NAMING
-from analysis.mismatch.name.law_sizes import law_sizes
+from analysis.mismatch.name.law_sizes import law_sizes, loosened
 from analysis.mismatch.name.lines import Line
 from analysis.mismatch.name.own_sizes import Quantity, own_sizes, unsure_hz
 from analysis.mismatch.name.search import Named, Rival
@@ -44,6 +44,8 @@ class Finding:
 def findings(named: Named, baseline: Account, lines: Sequence[Line]) -> tuple[Finding, ...]:
     """Return everything that was named, most evidence first."""
     account = named.account
+    # once for all laws: their columns are costly
+    loose = loosened(account)
     found = []
     for name in account.names:
         mechanism = library().get(name)
@@ -58,7 +60,7 @@ def findings(named: Named, baseline: Account, lines: Sequence[Line]) -> tuple[Fi
         probability, alternatives = weighed(mechanism, named.rivals.get(name, ()), account.names)
         law = next((law for law in account.fit.shared.laws if law.name == name), None)
         sizes = (
-            law_sizes(account, law)
+            law_sizes(loose, law)
             if law is not None
             else own_sizes(account, mechanism, unsure_hz(account, mechanism))
         )

@@ -27,14 +27,21 @@ def size_is_told(account: Account, law: Law) -> bool:
     return abs(size.value - law.mechanism.null[law.size.name]) > TWO_ERRORS * size.se
 
 
+def loosened(account: Account) -> Account:
+    """Return the account with its laws off by as much at least as no size is better known than; itself if they are.
+
+    Recordings may say that laws leave nothing over, but not of what their parameters could take up.
+    """
+    return account if account.inexact >= SIZE_INEXACT else replace(account, inexact=SIZE_INEXACT)
+
+
 def law_sizes(account: Account, law: Law) -> dict[str, Quantity]:
     """Return a law's reported parameters with their errors, tissue and inexactness free.
 
-    Laws are off in every phase by as much as no size is better known than, and parameters that trade with each other as
-    unsure as that leaves them: recordings may say that laws leave nothing over, but not of what those could take up.
-    What a law is like within stays where it ended at a limit: beyond it nothing trades with the size.
+    Laws are off in every phase as in the account, `loosened`, and parameters that trade with each other as unsure as
+    that leaves them. What a law is like within stays where it ended at a limit: beyond it nothing trades with the size.
     """
-    account = replace(account, inexact=max(account.inexact, SIZE_INEXACT))
+    account = loosened(account)
     fit = account.fit
     N, ridge = account.grams.total(), account.grams.ridge
     parameters = [(p, other.values[p.name]) for other in fit.shared.laws for p in other.parameters]

@@ -24,10 +24,8 @@ def servo_named(diagnosis: Diagnosis) -> bool:
     it lag less.
     """
     position = diagnosis.position
-    (wn, zeta), rate_hz = (
-        diagnosis.intake.servo.of_lines,
-        min(t.sample_rate_hz for t in diagnosis.intake.trials),
-    )
+    wn, zeta = diagnosis.intake.servo.of_lines
+    rate_hz = min(t.sample_rate_hz for t in diagnosis.intake.trials)
     lag_s = 2.0 * zeta / wn
     later_s = lag_s - 2.0 * DEFAULT_DAMPING_RATIO / DEFAULT_NATURAL_FREQUENCY_RAD_S
     return (

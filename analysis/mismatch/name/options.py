@@ -40,16 +40,21 @@ FIRST_ROUNDS = 5
 
 @dataclass(frozen=True)
 class Option:
-    """An effect that might be added: name, linear evidence (nats), what is enough, how to refit it.
+    """An effect that might be added: name, linear evidence (nats), what is enough, how to add it to an account.
 
-    ``beside`` is its evidence beside the law that has most.
+    ``found_in`` is the account in which it was found, ``beside`` its evidence beside the law that has most.
     """
 
     name: str
     nats: float
     enough: float
-    refit: Callable[[], Account]
+    found_in: Account
+    added_to: Callable[[Account], Account]
     beside: float = 0.0
+
+    def refit(self) -> Account:
+        """Return the account in which the effect was found, refitted with it."""
+        return self.added_to(self.found_in)
 
 
 def law_options(
@@ -98,15 +103,15 @@ def law_options(
         for other in found[1:]:
             if len(starts) < STARTS and all(abs(other[1] - f[1]) >= len(found) / STARTS for f in starts):
                 starts.append(other)
-        refit = _law_refit(account, nothing, wanted, starts)
-        options.append(Option(name, found[0][0], ENOUGH_SHARED, refit, beside))
+        refit = _law_refit(nothing, wanted, starts)
+        options.append(Option(name, found[0][0], ENOUGH_SHARED, account, refit, beside))
     return options
 
 
 def _law_refit(
-    account: Account, nothing: Account, wanted: list[Template], starts: list[tuple[float, int, float]]
-) -> Callable[[], Account]:
-    def refit() -> Account:
+    nothing: Account, wanted: list[Template], starts: list[tuple[float, int, float]]
+) -> Callable[[Account], Account]:
+    def refit(account: Account) -> Account:
         exact = account.exact
         fits = [
             replace(f, shared=replace(f.shared, laws=(*f.shared.laws, wanted[k].as_law(c))))
@@ -146,7 +151,7 @@ def own_options(account: Account, only: str = "") -> list[Option]:
     if len(account.fit.trials) < FEWEST_HELD_OUT:
         return []
     options = [
-        Option(scan.event.name, scan.evidence, ENOUGH_OWN, _event_refit(account, scan))
+        Option(scan.event.name, scan.evidence, ENOUGH_OWN, account, _event_refit(scan))
         for scan in scan_events(
             account.fit, [e for e in EVENTS if e.name not in account.steps and only in ("", e.name)]
         )
@@ -156,12 +161,12 @@ def own_options(account: Account, only: str = "") -> list[Option]:
     scan = scan_oscillations(account.fit)
     name = scan.name or NAMELESS
     if name not in account.steps and only in ("", name):
-        options.append(Option(name, scan.evidence, ENOUGH_OWN, _oscillation_refit(account, scan, name)))
+        options.append(Option(name, scan.evidence, ENOUGH_OWN, account, _oscillation_refit(scan, name)))
     return options
 
 
-def _event_refit(account: Account, scan: EventScan) -> Callable[[], Account]:
-    def refit() -> Account:
+def _event_refit(scan: EventScan) -> Callable[[Account], Account]:
+    def refit(account: Account) -> Account:
         exact = account.exact
         # a time was chosen in every trial that has a step
         price = float(np.log(TIMES_LOOKED_AT)) * int((scan.probability > 0.5).sum())
@@ -175,8 +180,8 @@ def _event_refit(account: Account, scan: EventScan) -> Callable[[], Account]:
     return refit
 
 
-def _oscillation_refit(account: Account, scan: OscillationScan, name: str) -> Callable[[], Account]:
-    def refit() -> Account:
+def _oscillation_refit(scan: OscillationScan, name: str) -> Callable[[Account], Account]:
+    def refit(account: Account) -> Account:
         exact, laws = account.exact, account.fit.shared.laws
         added = replace(
             exact,

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.name.options import Option
 from analysis.mismatch.name.tries import promising
 
 
 def _option(name: str, nats: float, beside: float) -> Option:
-    def refit() -> Account:
+    def refit(_: Account) -> Account:
         raise AssertionError("nothing is refitted to choose what to refit")
 
-    return Option(name, nats, 8.0, refit, beside)
+    return Option(name, nats, 8.0, cast(Account, None), refit, beside)
 
 
 def test_laws_that_are_one_to_a_line_leave_room_for_another() -> None:

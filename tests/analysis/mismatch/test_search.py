@@ -110,6 +110,29 @@ def test_what_a_law_may_leave_by_being_off_names_no_other() -> None:
     assert explains_itself(missing, before, 400.0, 25.0)
 
 
+def test_what_fell_behind_is_added_where_the_account_stands(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Beside another effect that is missing a fit without slow noise may end where no effect is worth anything."""
+    monkeypatch.setattr(Account, "weighed_anew", lambda self: self)
+    monkeypatch.setattr(Account, "of_exact_laws", property(lambda self: self.nats))
+    here, quick = _account([50.0] * 4, []), _account([40.0] * 4, [])
+    led_astray, found = _account([20.0] * 4, []), _account([80.0] * 4, [])
+    asked: list[Account] = []
+
+    def option(from_quick: Account) -> Option:
+        def refit(account: Account) -> Account:
+            asked.append(account)
+            return found if account is here else from_quick
+
+        return Option("respiration", 900.0, 25.0, quick, refit)
+
+    assert search.added([option(led_astray)], here) is found
+    assert asked == [quick, here]
+    # what predicts no worse is as good as it gets
+    better = _account([60.0] * 4, [])
+    assert search.added([option(led_astray), option(better)], here) is better
+    assert here not in asked[2:]
+
+
 def test_what_laws_were_off_for_want_of_frees_them() -> None:
     off, exact = (replace(_account([0.0] * 4, [0.0] * 4), inexact=share) for share in (INEXACT, 0.0))
     assert frees(exact, off)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from weakref import ref
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +21,27 @@ from analysis.simulation.cells import CellTrial
 
 FloatArray = NDArray[np.float64]
 
+COLUMNS = {"force_columns", "own", "projectors"}
+MOST_HELD_BYTES = 5e8
 
-@dataclass(frozen=True)
+
+class Held:
+    """The fits of a study that hold their columns: those of all that a search comes to would fill memory."""
+
+    def __init__(self) -> None:
+        self._fits: list[ref[StudyFit]] = []
+
+    def take(self, fit: StudyFit) -> None:
+        """Hold a fit's columns as the latest. The earliest let go of theirs; what is needed again is computed anew."""
+        held = [*(other for at in self._fits if (other := at()) not in (None, fit)), fit]
+        while len(held) > 1 and sum(each.bytes_held for each in held) > MOST_HELD_BYTES:
+            earliest = held.pop(0)
+            for name in COLUMNS:
+                vars(earliest).pop(name, None)
+        self._fits = [ref(each) for each in held]
+
+
+@dataclass(frozen=True, eq=False)
 class StudyFit:
     """A simulation fitted to trials: what they share, what is each one's own, population and noise."""
 
@@ -31,15 +51,18 @@ class StudyFit:
     shared: Shared
     states: tuple[TrialState, ...]
     population: Population
+    held: Held = field(default_factory=Held, repr=False)
 
     @cached_property
     def force_columns(self) -> tuple[ForceColumns, ...]:
         """Each trial's own columns in mN, whatever its noise."""
+        self.held.take(self)
         return tuple(force_columns(t, s, self.shared) for t, s in zip(self.trials, self.states, strict=True))
 
     @cached_property
     def own(self) -> tuple[OwnColumns, ...]:
         """Each trial's own columns, weighed."""
+        self.held.take(self)
         return tuple(
             own_columns(f, w, s, self.population)
             for f, w, s in zip(self.force_columns, self.whiteners, self.states, strict=True)
@@ -48,7 +71,15 @@ class StudyFit:
     @cached_property
     def projectors(self) -> tuple[Projector, ...]:
         """What takes each trial's own parameters out of columns."""
+        self.held.take(self)
         return tuple(Projector(own, w) for own, w in zip(self.own, self.whiteners, strict=True))
+
+    @property
+    def bytes_held(self) -> int:
+        """About what the columns take that were computed: those of the force, and the others as much again each."""
+        if "force_columns" not in vars(self):
+            return 0
+        return sum(f.columns_mn.nbytes for f in self.force_columns) * len(COLUMNS & vars(self).keys())
 
     @cached_property
     def cost(self) -> float:
@@ -134,8 +165,8 @@ class StudyFit:
         """Return the fit with cells weighed by another noise."""
         whiteners = (Whitener(t, noise, s.rhythms) for t, s in zip(self.trials, self.states, strict=True))
         fit = replace(self, noise=noise, whiteners=tuple(whiteners))
-        if "force_columns" in self.__dict__:  # those of the force are the same under any noise
-            fit.__dict__["force_columns"] = self.force_columns
+        if "force_columns" in vars(self):  # those of the force are the same under any noise
+            vars(fit)["force_columns"] = self.force_columns
         return fit
 
 

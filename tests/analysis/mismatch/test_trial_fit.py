@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
 from analysis.mismatch.evidence.account import with_own_sizes
+from analysis.mismatch.fit import study_fit
 from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.fit.law_fit import centred
 from analysis.mismatch.fit.trial_fit import bounded, fit_trial
@@ -63,6 +64,22 @@ def test_a_step_to_where_no_force_is_a_number_is_refused(record: Callable[..., l
     found, cost = fit_trial(trial, whitener, beyond, fit.shared, fit.population, own, near=True)
     assert found is beyond
     assert cost == np.inf
+
+
+def test_of_all_fits_only_the_latest_hold_their_columns(
+    record: Callable[..., list[Trial]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    trials = record(41, plans=study_plans(depths_mm=(0.5,), repeats=3, hold_s=1.0, dwell_s=0.2))
+    first = fit_baseline(take_in_memory(trials).trials)
+    before = first.projectors[0].residual
+    second, third = replace(first), replace(first)
+    # there is room for two, and the third takes the place of the first
+    monkeypatch.setattr(study_fit, "MOST_HELD_BYTES", 2 * first.bytes_held)
+    for later in (second, third):
+        assert later.projectors
+        later.held.take(later)
+    assert [fit.bytes_held > 0 for fit in (first, second, third)] == [False, True, True]
+    np.testing.assert_array_equal(first.projectors[0].residual, before)
 
 
 def test_every_site_has_its_own_adhesion(record: Callable[..., list[Trial]]) -> None:

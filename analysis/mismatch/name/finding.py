@@ -13,7 +13,7 @@ from analysis.mismatch.fit.law_fit import at_bound
 from analysis.mismatch.levels import INEXACT, TEMPER, TWO_ERRORS, WORTH_NAMING
 from analysis.mismatch.name.law_sizes import law_sizes, loosened
 from analysis.mismatch.name.lines import Line
-from analysis.mismatch.name.own_sizes import Quantity, own_sizes, unsure_hz
+from analysis.mismatch.name.own_sizes import Quantity, own_sizes, would_do
 from analysis.mismatch.name.search import Named, Rival
 from analysis.simulation.mechanism import Mechanism, library
 
@@ -59,11 +59,12 @@ def findings(named: Named, baseline: Account, lines: Sequence[Line]) -> tuple[Fi
             evidence = account.gain_over(account.without(name).reweighed())[0]
         probability, alternatives = weighed(mechanism, named.rivals.get(name, ()), account.names)
         law = next((law for law in account.fit.shared.laws if law.name == name), None)
-        sizes = (
-            law_sizes(loose, law)
-            if law is not None
-            else own_sizes(account, mechanism, unsure_hz(account, mechanism))
-        )
+        if law is not None:
+            sizes, elsewhere = law_sizes(loose, law), at_bound(law)
+        else:
+            rhythm = would_do(account, mechanism)
+            sizes = own_sizes(account, mechanism, rhythm.se_hz if rhythm else 0.0)
+            elsewhere = rhythm is not None and not rhythm.may_be(mechanism)
         found.append(
             Finding(
                 mechanism,
@@ -72,7 +73,7 @@ def findings(named: Named, baseline: Account, lines: Sequence[Line]) -> tuple[Fi
                 sizes,
                 probability,
                 alternatives,
-                law is not None and at_bound(law),
+                elsewhere,
             )
         )
     for line in lines:

@@ -12,7 +12,7 @@ from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import INEXACT
 from analysis.mismatch.model.effects import simulate, touches
 from analysis.mismatch.model.rhythm import waves
-from analysis.mismatch.name.oscillations import steady_gains
+from analysis.mismatch.name.oscillations import WANDERS, steady_gains
 from analysis.simulation.mechanism import Mechanism
 
 FloatArray = NDArray[np.float64]
@@ -33,26 +33,45 @@ class Quantity:
     unit: str
 
 
-def unsure_hz(account: Account, mechanism: Mechanism) -> float:
-    """Return the standard deviation of a slow rhythm's frequency by its form, Hz; 0 of a band, which has many cycles.
+@dataclass(frozen=True, slots=True)
+class WouldDo:
+    """The frequencies at which a slow rhythm would do as well, each trial's its own about the median; Hz."""
+
+    lowest_hz: float
+    highest_hz: float
+
+    @property
+    def se_hz(self) -> float:
+        """Standard deviation of what is anywhere between."""
+        return (self.highest_hz - self.lowest_hz) / float(np.sqrt(12.0))
+
+    def may_be(self, mechanism: Mechanism) -> bool:
+        """Return whether some of them are in the mechanism's band, which differs as much as a body's rhythm does."""
+        p = mechanism.parameter("frequency_hz")
+        return self.lowest_hz <= p.upper * (1.0 + WANDERS) and self.highest_hz >= p.lower * (1.0 - WANDERS)
+
+
+def would_do(account: Account, mechanism: Mechanism) -> WouldDo | None:
+    """Return the frequencies that a slow rhythm may have by its form; None of what is none, or has many cycles.
 
     Its form is right to a tenth: if all trials' frequencies were others by one factor, any would do that explains all
     but a tenth. Of a cycle or so in tissue that takes up what is slow these are many.
     """
     if mechanism.form != "oscillation":
-        return 0.0
+        return None
     of_trials = [
         (j, state.shapes, state.shapes.of(mechanism.name)) for j, state in enumerate(account.fit.states)
     ]
     slow = [(j, shapes[mine[0]]) for j, shapes, mine in of_trials if mine]
     if not slow:
-        return 0.0
+        return None
     without = account.stripped(mechanism.name).quick().fit
     factors = np.linspace(1.0 - OTHER, 1.0 + OTHER, OTHERS)
     explained = sum(steady_gains(without, j, s.at * factors, float(np.sqrt(s.prior))) for j, s in slow)
-    would_do = factors[explained >= (1.0 - INEXACT) * np.max(explained)]
+    near = factors[explained >= (1.0 - INEXACT) * np.max(explained)]
     found_hz = float(np.median([s.at for _, s in slow]))
-    return found_hz * float((np.ptp(would_do) + factors[1] - factors[0]) / np.sqrt(12.0))
+    half = 0.5 * float(factors[1] - factors[0])
+    return WouldDo(found_hz * (float(near[0]) - half), found_hz * (float(near[-1]) + half))
 
 
 def own_sizes(account: Account, mechanism: Mechanism, unsure_at: float = 0.0) -> dict[str, Quantity]:

@@ -18,7 +18,7 @@ from analysis.mismatch.fit.whitener import Whitener
 from analysis.mismatch.model.effects import simulate, tissue_force, touches
 from analysis.mismatch.model.rhythm import Rhythm, waves
 from analysis.mismatch.name.oscillations import OscillationScan, hat_waves, with_oscillation
-from analysis.mismatch.name.own_sizes import own_sizes, unsure_hz
+from analysis.mismatch.name.own_sizes import own_sizes, would_do
 from analysis.mismatch.name.search import is_nothing
 from analysis.mismatch.study.intake import take_in_memory
 from analysis.recordings.trial import Trial
@@ -260,11 +260,24 @@ def test_a_breath_of_a_cycle_says_little_of_its_frequency(record: Callable[..., 
     for hold_s in (3.5, 11.5):
         there = _oscillating(record, "respiration", 0.25, repeats=6, hold_s=hold_s, effects=BREATH)
         breathing = Account(there.with_population(), steps={"respiration": 0.0})
-        sd_hz = unsure_hz(breathing, library()["respiration"])
+        anywhere = would_do(breathing, library()["respiration"])
+        assert anywhere is not None
+        sd_hz = anywhere.se_hz
         found = own_sizes(breathing, library()["respiration"], sd_hz)["frequency_hz"]
         assert abs(found.value - 0.25) < 3.0 * found.se
         assert found.se >= sd_hz
         unsure.append(sd_hz)
     assert unsure[0] > 1.5 * unsure[1] > 0.0
     # a band has cycles enough
-    assert unsure_hz(breathing, library()["heartbeat"]) == 0.0
+    assert would_do(breathing, library()["heartbeat"]) is None
+
+
+def test_what_turns_slower_than_a_breath_is_none(record: Callable[..., list[Trial]]) -> None:
+    """It is looked for from the slowest breath upwards, and found there; over a cycle it shows to be slower."""
+    breath = library()["respiration"]
+    for hz, is_breath in ((0.085, False), (0.16, True)):
+        effects = BREATH.replace("0.25", str(hz))
+        there = _oscillating(record, "respiration", 0.15, repeats=6, hold_s=12.0, effects=effects)
+        anywhere = would_do(Account(there.with_population(), steps={"respiration": 0.0}), breath)
+        assert anywhere is not None
+        assert anywhere.may_be(breath) is is_breath

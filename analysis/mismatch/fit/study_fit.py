@@ -22,7 +22,9 @@ from analysis.simulation.cells import CellTrial
 FloatArray = NDArray[np.float64]
 
 COLUMNS = {"force_columns", "own", "projectors"}
+"""What a fit computes of itself and may compute again."""
 MOST_HELD_BYTES = 5e8
+"""A quarter of the 2 GB within which a diagnosis stays."""
 
 
 class Held:

@@ -15,7 +15,7 @@ from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.model.effects import OwnShape, touches
 from analysis.mismatch.model.rhythm import CYCLES, HIGHEST_HZ, Rhythm, overtones, sine, waves
 from analysis.simulation.cells import CellTrial
-from analysis.simulation.mechanism import library
+from analysis.simulation.mechanism import Mechanism, library
 
 FloatArray = NDArray[np.float64]
 
@@ -77,10 +77,16 @@ def name_of(frequency_hz: float) -> str:
     """Return the mechanism whose band holds a frequency; empty where the library has none."""
     for m in library().values():
         if m.form == "oscillation" and m.needs_contact:
-            p = m.parameter("frequency_hz")
-            if p.lower * (1 - WANDERS) <= frequency_hz <= p.upper * (1 + WANDERS):
+            lowest_hz, highest_hz = band_hz(m)
+            if lowest_hz <= frequency_hz <= highest_hz:
                 return m.name
     return ""
+
+
+def band_hz(mechanism: Mechanism) -> tuple[float, float]:
+    """Return the lowest and the highest frequency of a rhythm's band, which wanders as a body's does."""
+    p = mechanism.parameter("frequency_hz")
+    return p.lower * (1.0 - WANDERS), p.upper * (1.0 + WANDERS)
 
 
 def frequency_grid(length_s: float, highest_hz: float = HIGHEST_HZ) -> FloatArray:

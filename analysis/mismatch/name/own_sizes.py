@@ -12,7 +12,7 @@ from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import INEXACT
 from analysis.mismatch.model.effects import simulate, touches
 from analysis.mismatch.model.rhythm import waves
-from analysis.mismatch.name.oscillations import WANDERS, steady_gains
+from analysis.mismatch.name.oscillations import band_hz, steady_gains
 from analysis.simulation.mechanism import Mechanism
 
 FloatArray = NDArray[np.float64]
@@ -46,9 +46,9 @@ class WouldDo:
         return (self.highest_hz - self.lowest_hz) / float(np.sqrt(12.0))
 
     def may_be(self, mechanism: Mechanism) -> bool:
-        """Return whether some of them are in the mechanism's band, which differs as much as a body's rhythm does."""
-        p = mechanism.parameter("frequency_hz")
-        return self.lowest_hz <= p.upper * (1.0 + WANDERS) and self.highest_hz >= p.lower * (1.0 - WANDERS)
+        """Return whether some of them are in the mechanism's band."""
+        lowest_hz, highest_hz = band_hz(mechanism)
+        return self.lowest_hz <= highest_hz and self.highest_hz >= lowest_hz
 
 
 def would_do(account: Account, mechanism: Mechanism) -> WouldDo | None:

@@ -26,7 +26,7 @@ from analysis.mismatch.levels import (
 from analysis.mismatch.locate.remainder import shape_left
 from analysis.mismatch.model.dictionary import templates
 from analysis.mismatch.name.law_sizes import size_is_told
-from analysis.mismatch.name.options import Option, law_options, own_options
+from analysis.mismatch.name.options import Option, added, law_options, own_options
 from analysis.mismatch.name.oscillations import phases_alike
 from analysis.mismatch.name.own_sizes import own_sizes
 from analysis.mismatch.name.tries import worth_trying
@@ -183,19 +183,6 @@ def considered(
             to_it = left[1] if name in refitted.steps else left[0]
             found += as_rival(name, refitted, account, nothing, options[0].enough, to_it)
     return best_first(found)
-
-
-def added(options: Sequence[Option], account: Account) -> Account:
-    """Return the account, by laws that are exact, with an effect refitted from the best of its options.
-
-    With an effect recordings are as likely as without it, but for its price. Where it fell behind by more, what else is
-    missing has bent the tissue, as no slow noise was granted where it was found; then it is added where the account
-    stands.
-    """
-    best = max((option.refit().weighed_anew() for option in options), key=lambda a: a.nats)
-    if best.nats > account.of_exact_laws - options[0].enough:
-        return best
-    return max(best, *(option.added_to(account).weighed_anew() for option in options), key=lambda a: a.nats)
 
 
 def as_rival(

@@ -19,7 +19,7 @@ from analysis.mismatch.levels import INEXACT, ROUGH, UNFORESEEN
 from analysis.mismatch.model.effects import TISSUE_SIZE, Law, Shared
 from analysis.mismatch.model.population import Population
 from analysis.mismatch.name import search
-from analysis.mismatch.name.options import Option
+from analysis.mismatch.name.options import Option, added
 from analysis.mismatch.name.search import (
     Rival,
     begun_again,
@@ -125,12 +125,21 @@ def test_what_fell_behind_is_added_where_the_account_stands(monkeypatch: pytest.
 
         return Option("respiration", 900.0, 25.0, quick, refit)
 
-    assert search.added([option(led_astray)], here) is found
+    assert added([option(led_astray)], here) is found
     assert asked == [quick, here]
     # what predicts no worse, but for its price, is as good as it gets
     nothing = _account([47.0] * 4, [])
-    assert search.added([option(led_astray), option(nothing)], here) is nothing
+    assert added([option(led_astray), option(nothing)], here) is nothing
     assert here not in asked[2:]
+    # what was found where the account stands is not added there again
+    asked.clear()
+
+    def in_place(account: Account) -> Account:
+        asked.append(account)
+        return led_astray
+
+    assert added([Option("respiration", 900.0, 25.0, here, in_place)], here) is led_astray
+    assert asked == [here]
 
 
 def test_what_laws_were_off_for_want_of_frees_them() -> None:

@@ -12,6 +12,7 @@ from scipy.special import logsumexp
 from analysis.mismatch.evidence.marginal import log_ratio
 from analysis.mismatch.fit.rhythms import with_rhythm
 from analysis.mismatch.fit.study_fit import StudyFit
+from analysis.mismatch.levels import INEXACT
 from analysis.mismatch.model.effects import OwnShape, touches
 from analysis.mismatch.model.rhythm import CYCLES, HIGHEST_HZ, Rhythm, overtones, sine, waves
 from analysis.simulation.cells import CellTrial
@@ -32,18 +33,17 @@ WANDERS = 0.06
 SIZES = np.geomspace(3.0, 3e3, 9)
 UNKNOWN_SIZE = 1.5
 HARMONIC, WANDERING = "harmonic", "wandering"
-TUNED, TUNED_SHARE = 15, 0.15
-"""Frequencies tried about a scanned one, no further away than this share of it."""
+TUNED, TUNED_SHARE = 25, 0.15
+"""Frequencies tried about a scanned one, no further away than this share of it and what a body's differ by."""
 
 
 @dataclass(frozen=True)
 class OscillationScan:
-    """What all trials say of a surface that oscillates: evidence in nats, frequency and size, each trial's own."""
+    """What all trials say of a surface that oscillates: evidence in nats, frequency and size."""
 
     evidence: float
     by_trial: FloatArray
     frequency_hz: float
-    own_hz: FloatArray
     size_mm: float
     name: str
     profile: FloatArray
@@ -103,7 +103,7 @@ def scan_oscillations(fit: StudyFit) -> OscillationScan:
     skin = [j for j, t in enumerate(fit.trials) if t.kind == "ramp_hold_retract"]
     n = len(fit.trials)
     grid = frequency_grid(_length_s(fit), _highest_hz(fit)) if skin else np.zeros(0)
-    nothing = OscillationScan(-np.inf, np.zeros(n), 0.0, np.zeros(n), 0.0, "", np.zeros(0), grid)
+    nothing = OscillationScan(-np.inf, np.zeros(n), 0.0, 0.0, "", np.zeros(0), grid)
     if not len(grid):
         return nothing
     energies: list[list[tuple[FloatArray, FloatArray]]] = []
@@ -134,15 +134,12 @@ def scan_oscillations(fit: StudyFit) -> OscillationScan:
         whole = float(logsumexp(profile) - np.log(len(grid))) - UNKNOWN_SIZE
         if whole > best.evidence:
             k = int(np.argmax(profile))
-            near = np.flatnonzero(np.abs(grid - grid[k]) <= WANDERS * grid[k] + 1e-9)
-            by_trial, own_hz = np.zeros(n), np.full(n, float(grid[k]))
+            by_trial = np.zeros(n)
             by_trial[skin] = spread[:, k]
-            own_hz[skin] = grid[near[np.argmax(ratio[:, near], axis=1)]]
             best = OscillationScan(
                 whole,
                 by_trial,
                 float(grid[k]),
-                own_hz,
                 float(np.sqrt(v)) / float(np.median(stiffness)),
                 name_of(float(grid[k])),
                 profile,
@@ -178,11 +175,27 @@ def _energies(fit: StudyFit, j: int, frequencies_hz: Sequence[float]) -> list[tu
     return own
 
 
-def tuned(fit: StudyFit, j: int, near_hz: float, size_mm: float) -> float:
-    """Return the frequency about one at which a steady rhythm with its overtones explains most of the j-th trial."""
-    reach_hz = min(SPACING / coherent_s(near_hz), TUNED_SHARE * near_hz)
-    tried = near_hz + np.linspace(-1.0, 1.0, TUNED) * reach_hz
-    return float(tried[int(np.argmax(steady_gains(fit, j, tried, size_mm)))])
+def tuned_hz(fit: StudyFit, scan: OscillationScan) -> FloatArray:
+    """Return each trial's frequency (n,) about the scanned one at which a steady rhythm with its overtones does best.
+
+    A body's differ by `WANDERS` between trials: each is drawn from about one of the study, the likeliest of all. Its
+    form is right to a tenth: what explains so much less is as likely as what is one standard deviation away. So few
+    cycles tell little of their frequency, where another effect that is still missing would have it anywhere.
+    """
+    reach_hz = WANDERS * scan.frequency_hz + min(
+        SPACING / coherent_s(scan.frequency_hz), TUNED_SHARE * scan.frequency_hz
+    )
+    tried_hz = scan.frequency_hz + np.linspace(-1.0, 1.0, TUNED) * reach_hz
+    gains = np.array(
+        [
+            steady_gains(fit, j, tried_hz, scan.size_mm) if t.kind == "ramp_hold_retract" else np.zeros(TUNED)
+            for j, t in enumerate(fit.trials)
+        ]
+    )
+    away = (tried_hz - tried_hz[:, None]) / (WANDERS * tried_hz[:, None])
+    likely = gains / np.maximum(INEXACT * gains.max(axis=1, keepdims=True), 1.0) - away[:, None, :] ** 2
+    of_study = int(np.argmax(likely.max(axis=2).sum(axis=1)))
+    return np.asarray(tried_hz[likely[of_study].argmax(axis=1)])
 
 
 def steady_gains(fit: StudyFit, j: int, frequencies_hz: FloatArray, size_mm: float) -> FloatArray:
@@ -202,11 +215,10 @@ def with_oscillation(fit: StudyFit, scan: OscillationScan, name: str) -> StudyFi
     """Return the fit with every trial's surface free to oscillate about its frequency, while it is touched."""
     states = []
     is_band = scan.frequency_hz * _length_s(fit) >= MANY_CYCLES
-    for j, (trial, state) in enumerate(zip(fit.trials, fit.states, strict=True)):
+    for trial, state, hz in zip(fit.trials, fit.states, tuned_hz(fit, scan).tolist(), strict=True):
         if trial.kind != "ramp_hold_retract":
             states.append(state)
             continue
-        hz = tuned(fit, j, float(scan.own_hz[j]), scan.size_mm)
         if is_band:
             rhythm = Rhythm(name, hz, scan.size_mm, wanders_s(hz))
             states.append(with_rhythm(trial, state, fit.shared, rhythm))

@@ -17,7 +17,8 @@ from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.fit.whitener import Whitener
 from analysis.mismatch.model.effects import simulate, tissue_force, touches
 from analysis.mismatch.model.rhythm import Rhythm, waves
-from analysis.mismatch.name.oscillations import OscillationScan, hat_waves, with_oscillation
+from analysis.mismatch.name.events import step_shape
+from analysis.mismatch.name.oscillations import WANDERS, OscillationScan, hat_waves, with_oscillation
 from analysis.mismatch.name.own_sizes import own_sizes, would_do
 from analysis.mismatch.name.search import is_nothing
 from analysis.mismatch.study.intake import take_in_memory
@@ -180,9 +181,11 @@ def _oscillating(
     """Trials of a skin that rests, fitted as if a scan had found a rhythm of this frequency."""
     plans = study_plans(depths_mm=(0.5,), repeats=repeats, hold_s=hold_s, dwell_s=0.4)
     trials = record(45, effects, plans)
-    fit = fit_baseline(take_in_memory(trials).trials)
-    n = len(fit.trials)
-    scan = OscillationScan(100.0, np.ones(n), hz, np.full(n, hz), 0.01, "", np.zeros(0), np.zeros(0))
+    return _as_scanned(fit_baseline(take_in_memory(trials).trials), name, hz)
+
+
+def _as_scanned(fit: StudyFit, name: str, hz: float) -> StudyFit:
+    scan = OscillationScan(100.0, np.ones(len(fit.trials)), hz, 0.01, "", np.zeros(0), np.zeros(0))
     return with_oscillation(fit, scan, name)
 
 
@@ -194,6 +197,20 @@ def test_what_goes_round_often_in_a_trial_is_a_band(
     there = _oscillating(record, "oscillation", hz, repeats=3, hold_s=6.0)
     assert all(bool(s.rhythms) is is_band for s in there.states)
     assert all(bool(len(s.shapes)) is not is_band for s in there.states)
+
+
+def test_a_slip_does_not_draw_the_breath_of_its_trial_away(record: Callable[..., list[Trial]]) -> None:
+    """A cycle or two a trial say little of their rate; where skin slips, which is still unknown, it is no other."""
+    plans = study_plans(depths_mm=(0.5,), repeats=8, hold_s=6.0, dwell_s=0.4)
+    trials = list(take_in_memory(record(45, BREATH, plans)).trials)
+    for j in (1, 6):
+        held_s = trials[j].time_s[trials[j].in_phase("hold")]
+        lost_mn = 5.0 * step_shape(trials[j], float(np.median(held_s)), 0.006) * ~trials[j].retracting
+        trials[j] = replace(trials[j], force_mn=trials[j].force_mn - lost_mn)
+    there = _as_scanned(Account(fit_baseline(trials)).quick().fit, "respiration", 0.22)
+    found_hz = [s.shapes[s.shapes.of("respiration")[0]].at for s in there.states]
+    np.testing.assert_allclose(found_hz, 0.25, rtol=2.0 * WANDERS)
+    np.testing.assert_allclose(found_hz, np.median(found_hz), rtol=WANDERS)
 
 
 def test_a_rhythm_that_shows_no_more_than_is_unsure_is_nothing(record: Callable[..., list[Trial]]) -> None:

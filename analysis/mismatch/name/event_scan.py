@@ -44,6 +44,8 @@ ONCE_IN = 50
 """Trials in one of which noise has such an edge."""
 FINER = (0.8, 0.2, 0.05, 0.012)
 """Widths, in gaps between times, of the looks that are taken about the best."""
+STEP = 0.01
+"""Of a unit: of a finite difference. Where contact ends a force is a line over a fraction of a micron only."""
 AFTER = 0.03
 """Share of a phase that must follow a step."""
 
@@ -168,11 +170,13 @@ def _scores(
     acts, rise_s = event.acts, event.rises_s[form]
     unit = event.unit * one_unit(event, trial, base - state.offset_mn)
     for k, time_s in enumerate(times):
-        does = event_shape(event, trial, float(time_s), rise_s) * unit
-        if gaps[k] > 0.0:
-            # where the skin is now it is since then
-            does = (gaps[k] + unit) * (1.0 - does / unit)
-        columns[:, k] = simulate(trial, state, fit.shared, {**own, acts: own.get(acts, 0.0) + does}) - base
+        shape = event_shape(event, trial, float(time_s), rise_s)
+        # where the skin is now it is since then
+        share, does = (
+            (1.0, (gaps[k] + unit) * (1.0 - shape)) if gaps[k] > 0.0 else (STEP, STEP * unit * shape)
+        )
+        there = {**own, acts: own.get(acts, 0.0) + does}
+        columns[:, k] = (simulate(trial, state, fit.shared, there) - base) / share
     projector = fit.projectors[j]
     white = projector(columns)
     scores = projector.residual @ white

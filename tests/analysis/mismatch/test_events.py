@@ -12,10 +12,11 @@ from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.fit.noise import NoiseModel
 from analysis.mismatch.levels import ENOUGH_OWN
-from analysis.mismatch.model.effects import OwnShape, simulate
+from analysis.mismatch.model.effects import Law, OwnShape, simulate
 from analysis.mismatch.name.event_scan import scan_events, with_events
 from analysis.mismatch.name.events import EVENTS, SETTLES_S, SHIFTS_S, bent_shapes, event_shape, step_shape
 from analysis.mismatch.name.options import own_options
+from analysis.mismatch.name.oscillations import OscillationScan, with_oscillation
 from analysis.mismatch.name.own_sizes import own_sizes
 from analysis.mismatch.study.intake import take_in_memory
 from analysis.recordings.trial import Trial
@@ -140,6 +141,26 @@ def test_a_shift_that_took_the_skin_off_a_dwelling_punch_is_found(record: Callab
     # the step, and what of it came by and by
     assert found.coefficients[: 1 + len(SETTLES_S)].sum() == pytest.approx(-0.030, rel=0.05)
     assert found.z0_mm == pytest.approx(pressed.z0_mm, abs=1e-3)
+
+
+def test_a_shift_is_found_beside_a_breath_where_skin_clings(record: Callable[..., list[Trial]]) -> None:
+    """Contact ends within half a micron: how that moves with the surface is told by less than that."""
+    plans = study_plans(depths_mm=(0.5,), repeats=3, dwell_s=0.4, hold_s=6.0)
+    fit = fit_baseline(take_in_memory(record(48, plans=plans)).trials)
+    clings = library()["adhesion"]
+    law = Law(clings, {**clings.null, "pull_off_mn": 4.0, "peel": 5e-4}, ("pull_off_mn",))
+    fit = replace(fit, shared=replace(fit.shared, laws=(law,)))
+    shift = next(e for e in EVENTS if e.name == "motion_artefact")
+    shifted = []
+    for trial, state in zip(fit.trials, fit.states, strict=True):
+        step = step_shape(trial, float(np.median(trial.time_s[trial.in_phase("hold")])), 0.015)
+        clung_mn = simulate(trial, state, fit.shared, {"surface": 0.022 * step})
+        noise_mn = trial.force_mn - simulate(trial, state, replace(fit.shared, laws=()))
+        shifted.append(replace(trial, force_mn=clung_mn + noise_mn))
+    breath = OscillationScan(100.0, np.ones(3), 0.35, 0.01, "respiration", np.zeros(0), np.zeros(0))
+    bent = with_oscillation(replace(fit, trials=tuple(shifted)), breath, "respiration").with_states()
+    (found,) = scan_events(bent, [shift])
+    np.testing.assert_allclose(found.coefficients, 0.022, rtol=0.15)
 
 
 def test_what_comes_once_and_dies_away_is_no_shift(record: Callable[..., list[Trial]]) -> None:

@@ -79,7 +79,7 @@ def search(account: Account) -> Named:
             break
         best, before = step[0], account
         rivals = {name: instead(found, step) for name, found in rivals.items()} | {best.name: step}
-        account, adds = pruned(begun_again(best.account.settled(), best.name, start), best)
+        account, adds = pruned(begun_again(best.account.settled(), best.name, start), best, start)
         if best.name not in account.names and account.nats < before.nats + ENOUGH_SHARED:
             # it is not needed, and led nowhere
             account = max(account, before, key=lambda a: a.nats)
@@ -265,10 +265,12 @@ def best_first(found: Sequence[Rival]) -> tuple[Rival, ...]:
     return tuple(sorted(listed, key=lambda r: r is not first))
 
 
-def pruned(account: Account, newest: Rival) -> tuple[Account, dict[str, float]]:
+def pruned(account: Account, newest: Rival, nothing: Account) -> tuple[Account, dict[str, float]]:
     """Take out, one by one, what the newest effect and the others make needless; return what the others add, in nats.
 
-    What comes in each trial anew is looked for once more: its times were found where the newest was still missing.
+    What comes in each trial anew is looked for once more, and laws are begun again: times and forms were found where
+    the newest was still missing, and a law that stood for a part of it may not find back from there. ``nothing`` is the
+    account without effects.
     The newest comes last: it may have done no more than lead the others to where they predict as well without it.
     What was added is not known where something was taken out since.
     """
@@ -276,11 +278,12 @@ def pruned(account: Account, newest: Rival) -> tuple[Account, dict[str, float]]:
     for name in (*(n for n in account.names if n != newest.name), newest.name):
         if len(account.names) == 1:
             break
-        without = account.without(name).settled()
-        if name in account.steps and name != newest.name:
+        without, anew = account.without(name).settled(), name in account.steps
+        if name != newest.name and anew:
             account = _better(account, own_options(without.quick(), name))
+        elif name != newest.name:
+            account = begun_again(account, name, nothing)
         adds[name] = account.gain_over(without)[0]
-        anew = name in account.steps
         needless = adds[name] < (ENOUGH_OWN if anew else ENOUGH_SHARED) or is_nothing(account, name)
         if needless or (anew and stands_for_shape(without, adds[name])):
             account, adds = without, {}

@@ -222,18 +222,40 @@ class _Evidence:
         return self.of[self.names] - self.of[other.names], 0.0
 
 
+NOTHING = cast(Account, _Evidence((), {(): 0.0}))
+
+
 @pytest.mark.parametrize(
     ("alone", "beside", "kept"), [(900.0, 899.0, ("drift",)), (400.0, 900.0, ("drift", "lag"))]
 )
 def test_what_only_led_to_a_better_account_is_taken_out_again(
-    alone: float, beside: float, kept: tuple[str, ...]
+    alone: float, beside: float, kept: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The newest may be needless where the others were led to by it."""
+    monkeypatch.setattr(search, "begun_again", lambda account, name, nothing: account)
     account = _Evidence(("drift", "lag"), {("drift",): alone, ("lag",): 100.0, ("drift", "lag"): beside})
     newest = Rival("lag", 500.0, 1.0, cast(Account, account))
-    found, adds = pruned(cast(Account, account), newest)
+    found, adds = pruned(cast(Account, account), newest, NOTHING)
     assert found.names == kept
     assert adds == ({"drift": 800.0, "lag": 500.0} if "lag" in kept else {})
+
+
+def test_laws_are_begun_again_beside_what_was_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the newest was missing they stood for a part of it, and may not find back to what they are."""
+    found = {("drift",): 100.0, ("lag",): 100.0, ("drift", "lag"): 900.0}
+    account = cast(Account, _Evidence(("drift", "lag"), found))
+    itself = cast(Account, _Evidence(("drift", "lag"), {**found, ("drift", "lag"): 950.0}))
+    begun = []
+
+    def again(account: Account, name: str, nothing: Account) -> Account:
+        begun.append((name, nothing))
+        return itself
+
+    monkeypatch.setattr(search, "begun_again", again)
+    best, adds = pruned(account, Rival("lag", 500.0, 1.0, account), NOTHING)
+    assert best is itself
+    assert begun == [("drift", NOTHING)]
+    assert adds == {"drift": 850.0, "lag": 850.0}
 
 
 @pytest.mark.parametrize("alike", [True, False], ids=["alike in all trials", "at a moment of its own"])

@@ -17,7 +17,7 @@ FloatArray = NDArray[np.float64]
 
 STEP_LOG = 1e-4
 STEP_OF_DEPTH = 1e-5
-NOTHING = 1e-13
+NOTHING, LEAST = 1e-13, 1e-300
 
 
 @dataclass(frozen=True)
@@ -205,7 +205,8 @@ def orthonormal(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def solved(H: FloatArray, b: FloatArray) -> FloatArray:
     """Return x of H x = b, H (q, q) symmetric and scaled to a unit diagonal; 0 where row and column are zero."""
-    root = 1.0 / np.sqrt(np.maximum(np.diag(H), 1e-300))
+    shown = np.diag(H) > LEAST
+    root = np.where(shown, 1.0 / np.sqrt(np.where(shown, np.diag(H), 1.0)), 0.0)
     scaled = H * np.outer(root, root) + NOTHING * np.eye(len(H))
     of_rows = root if b.ndim == 1 else root[:, None]
     return np.asarray(of_rows * np.linalg.solve(scaled, of_rows * b))

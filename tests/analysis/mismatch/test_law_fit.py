@@ -77,6 +77,9 @@ def test_what_a_trial_shows_nothing_of_stays_where_it_is(seed: int, scale: float
     y, shown = random.normal(size=20), [0, 1, 3]
     found = solved(J.T @ J, J.T @ y)
     assert found[2] == 0.0
+    inverse = solved(J.T @ J, np.eye(4))
+    assert not np.any(inverse[2])
+    assert not np.any(inverse[:, 2])
     np.testing.assert_allclose(found[shown], np.linalg.lstsq(J[:, shown], y)[0], rtol=1e-6)
 
 

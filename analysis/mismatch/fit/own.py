@@ -205,8 +205,8 @@ def orthonormal(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def solved(H: FloatArray, b: FloatArray) -> FloatArray:
     """Return x of H x = b, H (q, q) symmetric and scaled to a unit diagonal; 0 where row and column are zero."""
-    shown = np.diag(H) > LEAST
-    root = np.where(shown, 1.0 / np.sqrt(np.where(shown, np.diag(H), 1.0)), 0.0)
+    size = np.maximum(np.diag(H), LEAST)
+    root = (size > LEAST) / np.sqrt(size)
     scaled = H * np.outer(root, root) + NOTHING * np.eye(len(H))
     of_rows = root if b.ndim == 1 else root[:, None]
     return np.asarray(of_rows * np.linalg.solve(scaled, of_rows * b))

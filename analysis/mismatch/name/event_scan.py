@@ -171,12 +171,12 @@ def _scores(
     unit = event.unit * one_unit(event, trial, base - state.offset_mn)
     for k, time_s in enumerate(times):
         shape = event_shape(event, trial, float(time_s), rise_s)
-        # where the skin is now it is since then
-        share, does = (
-            (1.0, (gaps[k] + unit) * (1.0 - shape)) if gaps[k] > 0.0 else (STEP, STEP * unit * shape)
-        )
+        does, of_unit = STEP * unit * shape, STEP
+        if gaps[k] > 0.0:
+            # where the skin is now it is since then
+            does, of_unit = (gaps[k] + unit) * (1.0 - shape), 1.0
         there = {**own, acts: own.get(acts, 0.0) + does}
-        columns[:, k] = (simulate(trial, state, fit.shared, there) - base) / share
+        columns[:, k] = (simulate(trial, state, fit.shared, there) - base) / of_unit
     projector = fit.projectors[j]
     white = projector(columns)
     scores = projector.residual @ white
@@ -208,7 +208,7 @@ def _weigh(event: Event, per_trial: Sequence[tuple[FloatArray, FloatArray, Float
     n = len(per_trial)
     norms = [norm for _, a, _ in per_trial if a.size and (norm := float(np.median(a[0]))) > 0.0]
     nothing = EventScan(
-        event, -np.inf, np.zeros(n), 0.0, 0.0, np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
+        event, -np.inf, 0.0, 0.0, np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
     )
     if not norms:
         return nothing
@@ -228,7 +228,6 @@ def _weigh(event: Event, per_trial: Sequence[tuple[FloatArray, FloatArray, Float
                 best = replace(
                     nothing,
                     evidence=float(by_trial.sum()),
-                    by_trial=by_trial,
                     share=float(share),
                     size=size,
                     probability=probability,

@@ -59,7 +59,6 @@ class EventScan:
 
     event: Event
     evidence: float
-    by_trial: FloatArray
     share: float
     size: float
     probability: FloatArray

@@ -42,11 +42,9 @@ class OscillationScan:
     """What all trials say of a surface that oscillates: evidence in nats, frequency and size."""
 
     evidence: float
-    by_trial: FloatArray
     frequency_hz: float
     size_mm: float
     name: str
-    profile: FloatArray
     grid_hz: FloatArray
 
 
@@ -100,10 +98,9 @@ def frequency_grid(length_s: float, highest_hz: float = HIGHEST_HZ) -> FloatArra
 
 def scan_oscillations(fit: StudyFit) -> OscillationScan:
     """Weigh a surface that oscillates at every frequency, amplitudes integrated out."""
-    skin = [j for j, t in enumerate(fit.trials) if t.kind == "ramp_hold_retract"]
-    n = len(fit.trials)
+    skin = _on_skin(fit)
     grid = frequency_grid(_length_s(fit), _highest_hz(fit)) if skin else np.zeros(0)
-    nothing = OscillationScan(-np.inf, np.zeros(n), 0.0, 0.0, "", np.zeros(0), grid)
+    nothing = OscillationScan(-np.inf, 0.0, 0.0, "", grid)
     if not len(grid):
         return nothing
     energies: list[list[tuple[FloatArray, FloatArray]]] = []
@@ -126,31 +123,30 @@ def scan_oscillations(fit: StudyFit) -> OscillationScan:
         v = (float(strength) * typical) ** 2
         ratio = log_ratio(a, c2, v).sum(axis=2)
         profile = np.zeros(len(grid))
-        spread = np.zeros_like(ratio)
         for k, f in enumerate(grid):
             near = np.flatnonzero(np.abs(grid - f) <= WANDERS * f + 1e-9)
-            spread[:, k] = logsumexp(ratio[:, near], axis=1) - np.log(len(near))
-            profile[k] = float(spread[:, k].sum())
+            profile[k] = float((logsumexp(ratio[:, near], axis=1) - np.log(len(near))).sum())
         whole = float(logsumexp(profile) - np.log(len(grid))) - UNKNOWN_SIZE
         if whole > best.evidence:
             k = int(np.argmax(profile))
-            by_trial = np.zeros(n)
-            by_trial[skin] = spread[:, k]
             best = OscillationScan(
                 whole,
-                by_trial,
                 float(grid[k]),
                 float(np.sqrt(v)) / float(np.median(stiffness)),
                 name_of(float(grid[k])),
-                profile,
                 grid,
             )
     return best
 
 
+def _on_skin(fit: StudyFit) -> list[int]:
+    """Return which trials are on skin."""
+    return [j for j, t in enumerate(fit.trials) if t.kind == "ramp_hold_retract"]
+
+
 def _skin_times_s(fit: StudyFit) -> list[FloatArray]:
     """Return the times (n,) of the cells of each trial on skin, s."""
-    return [t.time_s for t in fit.trials if t.kind == "ramp_hold_retract"]
+    return [fit.trials[j].time_s for j in _on_skin(fit)]
 
 
 def _length_s(fit: StudyFit) -> float:
@@ -175,8 +171,8 @@ def _energies(fit: StudyFit, j: int, frequencies_hz: Sequence[float]) -> list[tu
     return own
 
 
-def tuned_hz(fit: StudyFit, scan: OscillationScan) -> FloatArray:
-    """Return each trial's frequency (n,) about the scanned one at which a steady rhythm with its overtones does best.
+def tuned_hz(fit: StudyFit, scan: OscillationScan) -> dict[int, float]:
+    """Return the frequency of each trial on skin about the scanned one at which a steady rhythm does best.
 
     A body's differ by `WANDERS` between trials: each is drawn from about one of the study, the likeliest of all. Its
     form is right to a tenth: what explains so much less is as likely as what is one standard deviation away. So few
@@ -186,16 +182,12 @@ def tuned_hz(fit: StudyFit, scan: OscillationScan) -> FloatArray:
         SPACING / coherent_s(scan.frequency_hz), TUNED_SHARE * scan.frequency_hz
     )
     tried_hz = scan.frequency_hz + np.linspace(-1.0, 1.0, TUNED) * reach_hz
-    gains = np.array(
-        [
-            steady_gains(fit, j, tried_hz, scan.size_mm) if t.kind == "ramp_hold_retract" else np.zeros(TUNED)
-            for j, t in enumerate(fit.trials)
-        ]
-    )
+    skin = _on_skin(fit)
+    gains = np.array([steady_gains(fit, j, tried_hz, scan.size_mm) for j in skin])
     away = (tried_hz - tried_hz[:, None]) / (WANDERS * tried_hz[:, None])
     likely = gains / np.maximum(INEXACT * gains.max(axis=1, keepdims=True), 1.0) - away[:, None, :] ** 2
     of_study = int(np.argmax(likely.max(axis=2).sum(axis=1)))
-    return np.asarray(tried_hz[likely[of_study].argmax(axis=1)])
+    return dict(zip(skin, tried_hz[likely[of_study].argmax(axis=1)].tolist(), strict=True))
 
 
 def steady_gains(fit: StudyFit, j: int, frequencies_hz: FloatArray, size_mm: float) -> FloatArray:
@@ -213,18 +205,15 @@ def steady_gains(fit: StudyFit, j: int, frequencies_hz: FloatArray, size_mm: flo
 
 def with_oscillation(fit: StudyFit, scan: OscillationScan, name: str) -> StudyFit:
     """Return the fit with every trial's surface free to oscillate about its frequency, while it is touched."""
-    states = []
+    states = list(fit.states)
     is_band = scan.frequency_hz * _length_s(fit) >= MANY_CYCLES
-    for trial, state, hz in zip(fit.trials, fit.states, tuned_hz(fit, scan).tolist(), strict=True):
-        if trial.kind != "ramp_hold_retract":
-            states.append(state)
-            continue
+    for j, hz in tuned_hz(fit, scan).items():
+        trial, state = fit.trials[j], fit.states[j]
         if is_band:
-            rhythm = Rhythm(name, hz, scan.size_mm, wanders_s(hz))
-            states.append(with_rhythm(trial, state, fit.shared, rhythm))
-            continue
-        shapes = _slow_shapes(trial, touches(trial, state, fit.shared), name, hz, scan.size_mm)
-        states.append(state.with_shapes(shapes))
+            states[j] = with_rhythm(trial, state, fit.shared, Rhythm(name, hz, scan.size_mm, wanders_s(hz)))
+        else:
+            touching = touches(trial, state, fit.shared)
+            states[j] = state.with_shapes(_slow_shapes(trial, touching, name, hz, scan.size_mm))
     return replace(fit, states=tuple(states)).weighed_by(fit.noise)
 
 

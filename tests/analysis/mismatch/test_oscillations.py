@@ -185,7 +185,7 @@ def _oscillating(
 
 
 def _as_scanned(fit: StudyFit, name: str, hz: float) -> StudyFit:
-    scan = OscillationScan(100.0, np.ones(len(fit.trials)), hz, 0.01, "", np.zeros(0), np.zeros(0))
+    scan = OscillationScan(100.0, hz, 0.01, "", np.zeros(0))
     return with_oscillation(fit, scan, name)
 
 

@@ -25,6 +25,7 @@ DONE = 0.5
 
 def with_rhythm(trial: CellTrial, state: TrialState, shared: Shared, rhythm: Rhythm) -> TrialState:
     """Return the state with one more rhythm, of which nothing is known yet."""
+    rhythm = replace(rhythm, waves=waves(trial, rhythm.frequency_hz))
     force_mn = _force_mn(trial, state, shared, rhythm)
     there = replace(
         rhythm,
@@ -49,7 +50,7 @@ def followed(
     for _ in range(FOLLOWED):
         likeliest = whitener.amplitudes(trial.force_mn - simulate(trial, state, shared))
         for halved in range(HALVED):
-            there = _moved(trial, state, likeliest, 0.5**halved)
+            there = _moved(state, likeliest, 0.5**halved)
             new = _cost(trial, there, shared, whitener)
             if new < now:
                 break
@@ -65,12 +66,12 @@ def followed(
     return state, whitener
 
 
-def _moved(trial: CellTrial, state: TrialState, likeliest: Sequence[FloatArray], share: float) -> TrialState:
+def _moved(state: TrialState, likeliest: Sequence[FloatArray], share: float) -> TrialState:
     """Return the state with its rhythms moved a share of the way to amplitudes (n, K) of each."""
     moved = []
     for rhythm, there in zip(state.rhythms, likeliest, strict=True):
         amplitudes = rhythm.amplitudes + share * (there - rhythm.amplitudes)
-        surface_mm = np.sum(rhythm.size_mm * waves(trial, rhythm.frequency_hz) * amplitudes, axis=1)
+        surface_mm = np.sum(rhythm.size_mm * rhythm.waves * amplitudes, axis=1)
         moved.append(replace(rhythm, amplitudes=amplitudes, found_mm=surface_mm))
     return replace(state, rhythms=tuple(moved))
 
@@ -110,7 +111,7 @@ def _force_mn(trial: CellTrial, state: TrialState, shared: Shared, rhythm: Rhyth
     own = _where_found(trial, state)
     base = simulate(trial, state, shared, own)
     columns = []
-    for wave in waves(trial, rhythm.frequency_hz).T:
+    for wave in rhythm.waves.T:
         surface = own["surface"] + STEP * rhythm.size_mm * wave
         columns.append((simulate(trial, state, shared, {**own, "surface": surface}) - base) / STEP)
     return np.column_stack(columns)

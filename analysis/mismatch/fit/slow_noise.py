@@ -70,13 +70,15 @@ def with_slow_noise(fit: StudyFit, near: NoiseModel) -> StudyFit:
     best, smallest = fast, restricted_deviance(fit, fast) - NOTHING_GAINED
     slow = [part for part in near.parts if part[1] >= FASTEST_SLOW_S]
     start_mn = max(change_in_a_second(slow), SMALLEST * fast.white_mn)
+    before = np.inf
     for exponent in EXPONENTS:
-        likeliest = np.inf
-        for noise, deviance in _descent(fit, fast, exponent, start_mn):
-            if deviance < smallest:
-                best, smallest = noise, deviance
-            if deviance < likeliest:
-                start_mn, likeliest = change_in_a_second(noise.parts[len(fast.parts) :]), deviance
+        noise, deviance = min(_descent(fit, fast, exponent, start_mn), key=lambda found: found[1])
+        if deviance < smallest:
+            best, smallest = noise, deviance
+        if deviance > before:
+            # the further from the likeliest exponent, the less likely
+            break
+        start_mn, before = change_in_a_second(noise.parts[len(fast.parts) :]), deviance
     return fit.weighed_by(best)
 
 

@@ -21,7 +21,7 @@ OVERTONES = {2: 0.3, 3: 0.15, 4: 0.1, 5: 0.07, 6: 0.05}
 
 @dataclass(frozen=True)
 class Rhythm:
-    """A surface that oscillates in one trial, s = sum_k A_k(t) w_k(t) with the ``waves`` w, (n, K).
+    """A surface that oscillates in one trial, s = sum_k A_k(t) w_k(t), ``waves`` (n, K) the w of its frequency.
 
     The A_k are Ornstein-Uhlenbeck processes of variance ``size_mm``^2 that forget themselves in T = ``coherent_s``: a
     Lorentzian band about the frequency, its phase free. They are no parameters: the covariance of the force that they
@@ -40,6 +40,7 @@ class Rhythm:
     amplitudes: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     found_mm: FloatArray = field(default_factory=lambda: np.zeros(0))
     bent_mn: FloatArray = field(default_factory=lambda: np.zeros(0))
+    waves: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
 
     @cached_property
     def passed_mn(self) -> FloatArray:

@@ -11,7 +11,6 @@ from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import INEXACT
 from analysis.mismatch.model.effects import simulate, touches
-from analysis.mismatch.model.rhythm import waves
 from analysis.mismatch.name.oscillations import band_hz, steady_gains
 from analysis.simulation.mechanism import Mechanism
 
@@ -150,7 +149,7 @@ def _rhythm_sizes(fit: StudyFit, mechanism: Mechanism) -> list[tuple[float, floa
             fit.whiteners[j].amplitudes(left_mn)[at],
             fit.whiteners[j].left_open(np.random.default_rng(j))[at],
         )
-        sine_mm = rhythm.size_mm * waves(trial, rhythm.frequency_hz)[:, :2]
+        sine_mm = rhythm.size_mm * rhythm.waves[:, :2]
         shown = trial.counts * touches(trial, state, fit.shared)
         likeliest, unsure = (
             2.0 * float(shown @ np.sum(A[:, :2] * sine_mm, axis=1) ** 2) / max(float(shown.sum()), 1.0)

@@ -33,6 +33,7 @@ MOST_DELAY_SAMPLES = 3.0
 STEP = 1e-3
 ROUNDS = 10
 DONE = 0.3
+"""Chi2 that a step must gain, by noise as large as what is left: weighed by less, much gains little."""
 LARGEST_LOG_STEP = 0.7
 LARGEST_TISSUE_STEP = 0.5
 NO_ROOM = 1e-12
@@ -154,6 +155,7 @@ def fit_laws(fit: StudyFit, rounds: int = ROUNDS) -> StudyFit:
 
     fit = fit.with_states(rounds=8)
     now = cost(fit)
+    cells = sum(int(t.fitted.sum()) for t in fit.trials)
     damping = 1e-6
     for _ in range(rounds):
         grams = gram(
@@ -166,11 +168,11 @@ def fit_laws(fit: StudyFit, rounds: int = ROUNDS) -> StudyFit:
         A[TISSUE_SIZE:, TISSUE_SIZE:] += np.diag(precision)
         b[TISSUE_SIZE:] += precision * (centre - values)
         scale = np.sqrt(np.maximum(np.diag(A), 1e-30))
-        gained = 0.0
+        done, gained = DONE * max(now / cells, 1.0), 0.0
         for _ in range(6):
             C = A / np.outer(scale, scale) + (damping + 1e-12) * np.eye(size)
             # the most that a step can gain, were nothing bounded
-            if float((b / scale) @ np.linalg.solve(C, b / scale)) < DONE:
+            if float((b / scale) @ np.linalg.solve(C, b / scale)) < done:
                 break
             room = fit.population.lowest - fit.population.mean
             tried = _stepped(fit, bounded_step(fit.shared, C, b / scale, scale, room))
@@ -180,7 +182,7 @@ def fit_laws(fit: StudyFit, rounds: int = ROUNDS) -> StudyFit:
                 fit, now, damping = tried, new, max(damping / 10.0, 1e-9)
                 break
             damping = max(damping, 1e-4) * 10.0
-        if gained < DONE:
+        if gained < done:
             break
     return centred(fit)
 

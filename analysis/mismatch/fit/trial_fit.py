@@ -17,6 +17,7 @@ FloatArray = NDArray[np.float64]
 
 ROUNDS = 25
 DONE = 5e-3
+"""Chi2 that a step must gain, by noise as large as what is left, as of laws."""
 SLOW = 0.05
 """A step that gains less of the cost than this is near enough for the old columns."""
 LARGEST_LOG_STEP = 0.5
@@ -66,25 +67,26 @@ def fit_trial(
         return state, now
     damping, old = 1e-6, near
     for _ in range(rounds):
+        done = DONE * max(now / len(residual), 1.0)
         gradient = own.columns.T @ residual + own.pull_at(state, population)
         H = own.information
         damped = H + damping * np.diag(np.maximum(np.diag(H), 1e-12))
         step = bounded(damped, gradient, room_below(trial, state, own, population))
-        if float(step @ gradient) < DONE:
+        if float(step @ gradient) < done:
             break
         tried = moved(state, trial, limited(trial, state, own, step))
         new, new_residual = cost_of(tried)
         gained = now - new
         if gained > 0.0:
             state, now, residual = tried, new, new_residual
-            if gained < DONE:
+            if gained < done:
                 break
             if gained < SLOW * now or old:
                 old = True
                 continue
             damping = max(damping / 10.0, 1e-9)
         elif not old:
-            if gained > -DONE or damping > LARGEST_DAMPING:
+            if gained > -done or damping > LARGEST_DAMPING:
                 break
             damping = max(damping, 1e-5) * 10.0
             continue

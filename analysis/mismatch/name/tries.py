@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.settled import settled_columns
 from analysis.mismatch.levels import CLOSE, FEWEST_HELD_OUT, REFITTED
 from analysis.mismatch.model.dictionary import templates
 from analysis.mismatch.name.options import Option, law_options, own_options
+
+SIGN = 1.0
+"""What a parameter gains of nothing, nats (Akaike, IEEE Trans. Autom. Control 19:716, 1974)."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +32,10 @@ def worth_trying(
 ) -> Tries:
     """Return the effects worth a refit: law by law beside the noise and without its slow part, and what comes anew.
 
+    What was taken for slow noise is found where none is granted, most of all what comes in each trial anew. There slow
+    noise that is none but noise looks like it, too: what the noise, as large as it was measured, leaves no sign of is
+    not tried.
+
     ``left`` are the nats that the present laws leave to laws and to others; ``among`` names the laws, where only some
     are asked for, and nothing else.
     """
@@ -37,7 +44,6 @@ def worth_trying(
         wanted = [t for t in wanted if t.name in among]
         if not wanted:
             return Tries({}, {})
-    # what was taken for slow noise is found where none is granted; most of all what comes in each trial anew
     quick = account.quick()
     settled = settled_columns(quick.fit, wanted)
     listed = [law_options(account, nothing, wanted, settled)]
@@ -49,12 +55,17 @@ def worth_trying(
     worth = [promising(some, CLOSE * left[0], few) for some in listed]
     # a line drawn beside noise that took the mismatch up says little of how much there is
     taken_up = frozenset(o.name for o in worth[0]) if quick is not account else frozenset()
+    signs = {o.name: o.nats for o in listed[0]}
     if among is None:
         listed.append(own_options(quick))
         worth.append(promising(listed[-1], CLOSE * left[1], few))
+        if worth[-1] and quick is not account:
+            signs |= {o.name: o.nats for o in own_options(account)}
     options: dict[str, list[Option]] = {}
     for option in (option for some in worth for option in some):
-        options.setdefault(option.name, []).append(option)
+        sign = option.nats if quick is account else signs.get(option.name, 0.0)
+        if sign > SIGN:
+            options.setdefault(option.name, []).append(replace(option, sign=sign))
     largest = {name: max(o.nats for some in listed for o in some if o.name == name) for name in options}
     in_order = sorted(options, key=lambda name: -largest[name])
     return Tries({name: options[name] for name in in_order}, largest, taken_up)

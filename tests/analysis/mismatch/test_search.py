@@ -15,11 +15,12 @@ from analysis.mismatch.evidence.left_over import explains_itself, frees, left_ov
 from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.fit.noise import NoiseModel
 from analysis.mismatch.fit.study_fit import StudyFit
-from analysis.mismatch.levels import INEXACT, ROUGH, UNFORESEEN
+from analysis.mismatch.levels import ENOUGH_OWN, INEXACT, ROUGH, UNFORESEEN
 from analysis.mismatch.model.effects import TISSUE_SIZE, Law, Shared
 from analysis.mismatch.model.population import Population
 from analysis.mismatch.name import search
-from analysis.mismatch.name.options import Option, added
+from analysis.mismatch.name.events import EVENTS
+from analysis.mismatch.name.options import Option, added, own_options
 from analysis.mismatch.name.search import (
     Rival,
     begun_again,
@@ -28,6 +29,7 @@ from analysis.mismatch.name.search import (
     pruned,
     stands_for_shape,
 )
+from analysis.mismatch.name.tries import worth_trying
 from analysis.mismatch.study.intake import take_in_memory
 from analysis.recordings.trial import Trial
 from analysis.simulation.mechanism import library
@@ -123,14 +125,19 @@ def test_what_fell_behind_is_added_where_the_account_stands(monkeypatch: pytest.
             asked.append(account)
             return found if account is here else from_quick
 
-        return Option("respiration", 900.0, 25.0, quick, refit)
+        return Option("respiration", 900.0, 25.0, quick, refit, sign=40.0)
 
     assert added([option(led_astray)], here) is found
     assert asked == [quick, here]
+    # nor is what promises nothing by the noise that there is
+    asked.clear()
+    assert added([replace(option(led_astray), sign=12.0)], here) is led_astray
+    assert asked == [quick]
+    asked.clear()
     # what predicts no worse, but for its price, is as good as it gets
     nothing = _account([47.0] * 4, [])
     assert added([option(led_astray), option(nothing)], here) is nothing
-    assert here not in asked[2:]
+    assert here not in asked
     # what was found where the account stands is not added there again
     asked.clear()
 
@@ -140,6 +147,25 @@ def test_what_fell_behind_is_added_where_the_account_stands(monkeypatch: pytest.
 
     assert added([Option("respiration", 900.0, 25.0, here, in_place)], here) is led_astray
     assert asked == [here]
+
+
+def test_what_the_noise_leaves_no_sign_of_is_not_tried(record: Callable[..., list[Trial]]) -> None:
+    """Noise that wanders looks like a rhythm where none is granted; a breath shows beside such noise, too."""
+    wandering = "[noise]\nforce_mn_rms = 0.2\nwander_mn_rms = 0.6\nwander_time_s = 1.0\n"
+
+    def account(effects: str) -> Account:
+        return Account(fit_baseline(take_in_memory(record(57, wandering + effects)).trials))
+
+    def tried(account: Account) -> set[str]:
+        return set(worth_trying(account, account, (0.0, 0.0), None).options)
+
+    quiet = account("")
+    seen = own_options(quiet.quick())[-1]
+    assert seen.name not in {event.name for event in EVENTS}
+    assert seen.nats > ENOUGH_OWN
+    assert not tried(quiet)
+    breath = '[[effects]]\nname = "respiration"\namplitude_um = 20.0\nfrequency_hz = 0.3\n'
+    assert "respiration" in tried(account(breath))
 
 
 def test_what_laws_were_off_for_want_of_frees_them() -> None:

@@ -11,6 +11,8 @@ from scipy.fft import prev_fast_len
 from scipy.optimize import nnls
 from scipy.signal import welch
 
+from analysis.mismatch.levels import INEXACT
+
 FloatArray = NDArray[np.float64]
 
 CORRELATION_TIMES_S = (4e-4, 1.6e-3, 6.4e-3, 0.0256, 0.1024, 0.41)
@@ -70,14 +72,18 @@ def measure_noise(
     shapes = [NoiseModel(1.0).power(f, sample_rate_hz)]
     shapes += [NoiseModel(0.0, ((1.0, t),)).power(f, sample_rate_hz) for t in taus]
     basis = np.column_stack(shapes)
-    weight = 1.0 / p
+    # a band is known by as many values as it holds, and no noise is exactly such a sum
+    counts = np.array([b.stop - b.start for b in bands]) * len(spectra)
+    sure = 1.0 / np.sqrt(1.0 / counts + INEXACT**2)
+    # what a tissue has taken out of a band is no sign of how quiet the others are
+    weight = sure / np.maximum(p, np.median(p))
     share = np.zeros(basis.shape[1])
     for _ in range(6):
         weighed = basis * weight[:, None]
         # parts of very different size stall the search for their shares
         size = np.linalg.norm(weighed, axis=0)
         share = nnls(weighed / size, p * weight)[0] / size
-        weight = 1.0 / np.maximum(basis @ share, 0.7 * p)
+        weight = sure / np.maximum(basis @ share, 0.7 * p)
     white = max(float(share[0]), 1e-3 * float(np.median(p)) * sample_rate_hz / 2.0)
     parts = tuple(
         (float(v), t) for v, t in zip(share[1:], taus, strict=True) if t < FASTEST_SLOW_S and v > 0.0

@@ -95,3 +95,17 @@ def test_noise_is_no_less_correlated_for_being_weakly_so(share: float) -> None:
     at_hz = np.array([6.0, 12.0, 25.0])
     true = NoiseModel(white_mn, ((variance, tau_s),)).power(at_hz, rate)
     np.testing.assert_allclose(noise.power(at_hz, rate), true, rtol=0.08)
+
+
+def test_noise_is_no_less_for_what_a_tissue_has_taken_out_of_it() -> None:
+    """A band that is left with a hundredth of its power had drawn the white noise down to a thirtieth.
+
+    Of 13 waves in 12 stretches of three seconds; the level has a standard error of 0.2 %.
+    """
+    rng = np.random.default_rng(11)
+    slow = np.linalg.qr(np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, 24000), 12))[0]
+    residuals = []
+    for _ in range(12):
+        noise = rng.normal(0.0, 0.25, 24000)
+        residuals.append(noise - slow @ (slow.T @ noise))
+    assert measure_noise(residuals, 8000.0).rms_mn == pytest.approx(0.25, rel=0.04)

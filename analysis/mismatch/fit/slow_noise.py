@@ -69,7 +69,7 @@ def with_slow_noise(fit: StudyFit, near: NoiseModel) -> StudyFit:
     fast = fit.noise
     best, smallest = fast, restricted_deviance(fit, fast) - NOTHING_GAINED
     slow = [part for part in near.parts if part[1] >= FASTEST_SLOW_S]
-    start_mn = max(change_in_a_second(slow), SMALLEST * fast.white_mn)
+    start_mn = float(np.clip(change_in_a_second(slow), SMALLEST * fast.white_mn, LARGEST * fast.white_mn))
     before = np.inf
     for exponent in EXPONENTS:
         noise, deviance = min(_descent(fit, fast, exponent, start_mn), key=lambda found: found[1])
@@ -97,7 +97,7 @@ def _descent(
         return noise, restricted_deviance(fit, noise)
 
     def deviance(at: int) -> float:
-        if not SMALLEST * 0.99 <= size_mn(at) / fast.white_mn <= LARGEST:
+        if not SMALLEST * 0.99 <= size_mn(at) / fast.white_mn <= LARGEST * 1.01:
             return np.inf
         if at not in tried:
             tried[at] = weighed(at)

@@ -1,13 +1,18 @@
 """Whitening against a dense Cholesky factor, and the noise found back from its own spectrum."""
 
+from collections.abc import Callable
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from analysis.mismatch.fit.noise import NoiseModel, measure_noise
+from analysis.mismatch.fit.baseline import fit_baseline
+from analysis.mismatch.fit.noise import FASTEST_SLOW_S, NoiseModel, measure_noise
+from analysis.mismatch.fit.slow_noise import change_in_a_second, with_slow_noise
 from analysis.mismatch.fit.whitener import Whitener
+from analysis.mismatch.study.intake import take_in_memory
+from analysis.recordings.trial import Trial
 from analysis.simulation.response import Steps
 
 
@@ -109,3 +114,12 @@ def test_noise_is_no_less_for_what_a_tissue_has_taken_out_of_it() -> None:
         noise = rng.normal(0.0, 0.25, 24000)
         residuals.append(noise - slow @ (slow.T @ noise))
     assert measure_noise(residuals, 8000.0).rms_mn == pytest.approx(0.25, rel=0.04)
+
+
+def test_slow_noise_is_found_from_wherever_it_was_before(record: Callable[..., list[Trial]]) -> None:
+    fit = fit_baseline(take_in_memory(record(58)).trials)
+    fit = fit.weighed_by(fit.noise.quicker_than(FASTEST_SLOW_S))
+    far = NoiseModel(fit.noise.white_mn, (((1e4 * fit.noise.white_mn) ** 2, 1.64),))
+    found, from_nothing = (with_slow_noise(fit, near).noise for near in (far, fit.noise))
+    wander_mn = [change_in_a_second(noise.parts) for noise in (found, from_nothing)]
+    assert wander_mn == pytest.approx([0.0, 0.0], abs=0.2 * fit.noise.white_mn)

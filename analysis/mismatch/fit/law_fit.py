@@ -155,7 +155,6 @@ def fit_laws(fit: StudyFit, rounds: int = ROUNDS) -> StudyFit:
 
     fit = fit.with_states(rounds=8)
     now = cost(fit)
-    cells = sum(int(t.fitted.sum()) for t in fit.trials)
     damping = 1e-6
     for _ in range(rounds):
         grams = gram(
@@ -168,7 +167,7 @@ def fit_laws(fit: StudyFit, rounds: int = ROUNDS) -> StudyFit:
         A[TISSUE_SIZE:, TISSUE_SIZE:] += np.diag(precision)
         b[TISSUE_SIZE:] += precision * (centre - values)
         scale = np.sqrt(np.maximum(np.diag(A), 1e-30))
-        done, gained = DONE * max(now / cells, 1.0), 0.0
+        done, gained = DONE * max(now / grams.n_cells, 1.0), 0.0
         for _ in range(6):
             C = A / np.outer(scale, scale) + (damping + 1e-12) * np.eye(size)
             # the most that a step can gain, were nothing bounded

@@ -71,16 +71,6 @@ def _factored(
     return d, W
 
 
-@njit(cache=True)
-def _wandered(decay: FloatArray, new: FloatArray) -> FloatArray:
-    """Return a walk (n, K) that keeps a share ``decay`` (n - 1,) of itself from row to row beside what is new."""
-    y = new.copy()
-    for i in range(1, len(y)):
-        for k in range(y.shape[1]):
-            y[i, k] += decay[i - 1] * y[i - 1, k]
-    return y
-
-
 class Whitener:
     """Turns columns over one trial's cells into columns whose noise is white with unit variance.
 
@@ -198,8 +188,11 @@ def surprise(trial: CellTrial, rhythm: Rhythm) -> float:
 
 def _drawn_amplitudes(trial: CellTrial, rhythm: Rhythm, random: np.random.Generator) -> FloatArray:
     """Return amplitudes (n, K) of a rhythm as they are distributed before a trial is seen."""
-    decay, d = _innovations(trial, rhythm)
-    return _wandered(decay[:, 0], np.sqrt(d) * random.standard_normal(rhythm.force_mn.shape))
+    _, d = _innovations(trial, rhythm)
+    y = np.sqrt(d) * random.standard_normal(rhythm.force_mn.shape)
+    one, rate_hz = np.ones((len(y), 1)), np.array([1.0 / rhythm.coherent_s])
+    driver.matmul_lower(np.ascontiguousarray(trial.time_s), rate_hz, one, one, y.copy(), y)
+    return np.asarray(y)
 
 
 def _innovations(trial: CellTrial, rhythm: Rhythm) -> tuple[FloatArray, FloatArray]:

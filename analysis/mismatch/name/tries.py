@@ -59,12 +59,12 @@ def worth_trying(
     if among is None:
         listed.append(own_options(quick))
         worth.append(promising(listed[-1], CLOSE * left[1], few))
-        if worth[-1] and quick is not account:
-            signs |= {o.name: o.nats for o in own_options(account)}
+        for looks_like in worth[-1]:
+            same = [looks_like] if quick is account else own_options(account, looks_like.name)
+            signs |= {o.name: o.nats for o in same}
     options: dict[str, list[Option]] = {}
     for option in (option for some in worth for option in some):
-        sign = option.nats if quick is account else signs.get(option.name, 0.0)
-        if sign > SIGN:
+        if (sign := signs.get(option.name, 0.0)) > SIGN:
             options.setdefault(option.name, []).append(replace(option, sign=sign))
     largest = {name: max(o.nats for some in listed for o in some if o.name == name) for name in options}
     in_order = sorted(options, key=lambda name: -largest[name])

@@ -1,7 +1,8 @@
 """A trial reduced to cells.
 
 A hold of 7 s at 8 kHz needs no 56,000 points to be compared with a model that moves by microns in it. Cells are
-single samples around kinks, 1 ms in motion and 8 ms at rest; averages keep all of the white noise's information.
+single samples at kinks and longer ones about them, up to 2 ms in motion and 8 ms at rest; averages keep all of the
+white noise's information.
 What was interpolated between unevenly spaced samples is none: there a cell holds one sample or more as it was taken.
 """
 
@@ -17,15 +18,15 @@ from analysis.simulation.motion import Motion
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-FINE_S = 0.012
+REACHES_S = ((0.06, 1e-3), (0.012, 2.5e-4), (0.003, 0.0))
+"""How far from a kink cells are no longer than what; at the kink itself each is a sample."""
 RELEASE_S = 0.003
-MEDIUM_S = 0.06
-MEDIUM_CELL_S = 0.001
 MOVING_CELL_S = 0.002
 REST_CELL_S = 0.008
 REST_CELLS = 8000
 """A recording of minutes is cut no finer at rest than into so many cells."""
-LARGEST_STEP_MM = 0.0025
+LARGEST_STEP_MM = 0.005
+"""Between cells motion is a line: at 10 mm/s a servo's corner of 3 ms departs from it by a tenth of a micron."""
 
 
 def _cell_starts(trial: Trial, motion: Motion, z0_mm: float, offset_mn: float) -> IntArray:
@@ -39,7 +40,7 @@ def _cell_starts(trial: Trial, motion: Motion, z0_mm: float, offset_mn: float) -
     near_skin = motion.position_mm > z0_mm - 0.1
     quick = near_skin & moving
     length[quick] = np.minimum(length[quick], np.minimum(allowed[quick], 1e6).astype(np.int64))
-    for reach_s, cell_s in ((MEDIUM_S, MEDIUM_CELL_S), (FINE_S, 0.0)):
+    for reach_s, cell_s in REACHES_S:
         reach, cell = max(1, round(reach_s * rate)), max(1, round(cell_s * rate))
         for k in motion.kinks:
             part = slice(max(0, k - reach // 2), k + reach)

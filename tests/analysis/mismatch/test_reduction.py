@@ -11,8 +11,11 @@ from numpy.typing import NDArray
 
 from analysis.recordings.trial import NativeSamples, Trial
 from analysis.simulation.cells import CellTrial
+from analysis.simulation.forward import PerTrial, simulate_force
+from analysis.simulation.mechanism import Tissue
 from analysis.simulation.motion import SLOW_SMOOTHING_S, estimate_motion
 from analysis.simulation.reduction import reduce_trial
+from analysis.simulation.response import Steps, arms_force
 from sim_hardware.concealment.offline import study_plans
 
 FloatArray = NDArray[np.float64]
@@ -41,6 +44,26 @@ def test_samples_that_were_evenly_taken_make_the_same_cells_either_way(trial: Tr
     np.testing.assert_array_equal(same.phase, plain.phase)
     for name in ("counts", "time_s", "position_mm", "velocity_mm_s", "force_mn", "widths_s", "full_time_s"):
         np.testing.assert_allclose(getattr(same, name), getattr(plain, name), atol=1e-9, err_msg=name)
+
+
+@pytest.mark.parametrize("speed_mm_s", [5.0, 20.0])
+def test_a_simulation_by_cells_is_one_by_samples(
+    record: Callable[..., list[Trial]], speed_mm_s: float
+) -> None:
+    """What the cells lose of it is far below the noise of a study, 0.25 mN a sample."""
+    plans = study_plans(depths_mm=(0.8,), repeats=1, hold_s=1.0, dwell_s=0.2, ramp_speed_mm_s=speed_mm_s)
+    (trial,) = record(45, plans=plans)
+    motion = estimate_motion(trial)
+    cells = reduce_trial(trial, motion)
+    tissue, z0_mm = Tissue(120.0, 44.0, 2.3, 35.0, 0.15), cells.z0_start_mm
+    depth_mm = np.maximum(motion.position_mm - z0_mm, 0.0)
+    times, weights = np.array([tissue.tau1, tissue.tau2]), np.array([tissue.k1, tissue.k2])
+    force_mn = tissue.k0 * depth_mm + arms_force(depth_mm, Steps.between(trial.time_s), times, weights)
+    by_samples = np.add.reduceat(np.maximum(force_mn, 0.0), cells.starts) / cells.counts
+    lost = simulate_force(cells, tissue, PerTrial(z0_mm, 0.0)) - by_samples
+    z = lost * np.sqrt(cells.counts) / 0.25
+    print(f"\n{speed_mm_s:g} mm/s: {len(z)} cells, chi2 {z @ z:.3g}, largest {np.abs(lost).max():.3g} mN")
+    assert z @ z < 1.0
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -272,19 +272,23 @@ def pruned(account: Account, newest: Rival, nothing: Account) -> tuple[Account, 
     the newest was still missing, and a law that stood for a part of it may not find back from there. ``nothing`` is the
     account without effects.
     The newest comes last: it may have done no more than lead the others to where they predict as well without it.
-    What was added is not known where something was taken out since.
+    What was added is not known where something was taken out since. An account without what explains much is not begun
+    anew: that changes hardly a tenth of it.
     """
     adds = {newest.name: newest.gain}
     for name in (*(n for n in account.names if n != newest.name), newest.name):
         if len(account.names) == 1:
             break
-        without, anew = account.without(name).settled(), name in account.steps
+        without, anew = account.without(name).reweighed(), name in account.steps
+        enough = ENOUGH_OWN if anew else ENOUGH_SHARED
+        if account.gain_over(without)[0] < enough / INEXACT:
+            without = without.settled()
         if name != newest.name and anew:
             account = _better(account, own_options(without.quick(), name))
         elif name != newest.name:
             account = begun_again(account, name, nothing)
         adds[name] = account.gain_over(without)[0]
-        needless = adds[name] < (ENOUGH_OWN if anew else ENOUGH_SHARED) or is_nothing(account, name)
+        needless = adds[name] < enough or is_nothing(account, name)
         if needless or (anew and stands_for_shape(without, adds[name])):
             account, adds = without, {}
     return account, adds

@@ -244,6 +244,8 @@ class _Evidence:
     def settled(self) -> _Evidence:
         return self
 
+    reweighed = settled
+
     def gain_over(self, other: _Evidence) -> tuple[float, float]:
         return self.of[self.names] - self.of[other.names], 0.0
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Sequence
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from analysis.mismatch.fit.noise import FASTEST_SLOW_S, NoiseModel
 from analysis.mismatch.fit.own import from_mean, log_determinant, own_columns
@@ -17,8 +18,12 @@ LADDER = 4.0
 """Ratio of neighbouring times: a sum of Ornstein-Uhlenbeck parts so spaced is a power law within a few per cent."""
 EXPONENTS = (0.0, 0.5, 1.0)
 """How the variance of a part grows with its time: 0 is 1/f noise, 1 a random walk; electronics lie between."""
-SMALLEST, LARGEST, FACTOR = 0.03, 60.0, 2.0
+SMALLEST, LARGEST = 0.03, 60.0
 """Changes in a second that are tried, rms in units of the white noise of a sample."""
+FIRST_STEP, NEAR = 0.1, 0.05
+"""Logarithms of a size: how far from it another is tried first, and how near to the likeliest is near enough."""
+OFFSET = 10.0
+"""Added to the logarithms that are searched: the search is told how near by a share of what it finds."""
 NOTHING_GAINED = 1.0
 
 
@@ -61,52 +66,62 @@ def restricted_deviance(fit: StudyFit, noise: NoiseModel) -> float:
 def with_slow_noise(fit: StudyFit, near: NoiseModel) -> StudyFit:
     """Return the fit with as much slow noise, of one power law, as the trials themselves make most likely.
 
-    It is looked for about that of the noise ``near``, or from none upwards where that has none.
+    It is looked for about that of the noise ``near``, or about what the fit leaves where that has none.
     A wander slower than a hold can't be seen in a residual from which a tissue was fitted.
     """
     if len(fit.trials) < FEWEST_HELD_OUT:
         return fit
-    fast = fit.noise
-    best, smallest = fast, restricted_deviance(fit, fast) - NOTHING_GAINED
+    fast, longest_s = fit.noise, max(float(t.time_s[-1] - t.time_s[0]) for t in fit.trials)
     slow = [part for part in near.parts if part[1] >= FASTEST_SLOW_S]
-    start_mn = float(np.clip(change_in_a_second(slow), SMALLEST * fast.white_mn, LARGEST * fast.white_mn))
-    before = np.inf
-    for exponent in EXPONENTS:
-        noise, deviance = min(_descent(fit, fast, exponent, start_mn), key=lambda found: found[1])
-        if deviance < smallest:
+    nothing = restricted_deviance(fit, fast)
+    least = (power_law(fast, SMALLEST * fast.white_mn, exponent, longest_s) for exponent in EXPONENTS)
+    if not slow and all(restricted_deviance(fit, noise) >= nothing for noise in least):
+        # where the least of it is worse than nothing, more is
+        return fit
+    first = EXPONENTS.index(_exponent(slow))
+    change_mn = change_in_a_second(slow) if slow else _left_slowly_mn(fit)
+    best, smallest = _likeliest(fit, EXPONENTS[first], change_mn, longest_s)
+    for others in (EXPONENTS[:first][::-1], EXPONENTS[first + 1 :]):
+        for exponent in others:
+            change_mn = change_in_a_second(best.parts[len(fast.parts) :])
+            noise, deviance = _likeliest(fit, exponent, change_mn, longest_s)
+            if deviance >= smallest:
+                # the further from the likeliest exponent, the less likely
+                break
             best, smallest = noise, deviance
-        if deviance > before:
-            # the further from the likeliest exponent, the less likely
-            break
-        start_mn, before = change_in_a_second(noise.parts[len(fast.parts) :]), deviance
-    return fit.weighed_by(best)
+    return fit.weighed_by(best) if smallest < nothing - NOTHING_GAINED else fit
 
 
-def _descent(
-    fit: StudyFit, fast: NoiseModel, exponent: float, start_mn: float
-) -> Iterator[tuple[NoiseModel, float]]:
-    """Yield noises of one exponent with their deviances: coarse steps from a size downhill, then the vertex."""
-    longest_s = max(float(t.time_s[-1] - t.time_s[0]) for t in fit.trials)
-    tried: dict[int, tuple[NoiseModel, float]] = {}
+def _exponent(slow: Sequence[tuple[float, float]]) -> float:
+    """Return the exponent of slow parts of one power law; that of a random walk where there are none."""
+    if len(slow) < 2:
+        return EXPONENTS[-1]
+    (first, _), (second, _) = slow[:2]
+    return min(EXPONENTS, key=lambda exponent: abs(exponent - np.log(second / first) / np.log(LADDER)))
 
-    def size_mn(at: float) -> float:
-        return float(start_mn * FACTOR**at)
 
-    def weighed(at: float) -> tuple[NoiseModel, float]:
-        noise = power_law(fast, size_mn(at), exponent, longest_s)
-        return noise, restricted_deviance(fit, noise)
+def _left_slowly_mn(fit: StudyFit) -> float:
+    """Return how much larger the residual of cells is than white noise makes it, rms mN."""
+    excess, samples = 0.0, 0.0
+    for j, trial in enumerate(fit.trials):
+        counts = trial.counts[trial.fitted]
+        excess += float(counts @ fit.residual_mn(j)[trial.fitted] ** 2) - fit.noise.white_mn**2 * len(counts)
+        samples += float(counts.sum())
+    return float(np.sqrt(max(excess / samples, 0.0)))
 
-    def deviance(at: int) -> float:
-        if not SMALLEST * 0.99 <= size_mn(at) / fast.white_mn <= LARGEST * 1.01:
-            return np.inf
-        if at not in tried:
-            tried[at] = weighed(at)
-        return tried[at][1]
 
-    best, way = 0, 1 if deviance(1) < deviance(0) else -1
-    while deviance(best + way) < deviance(best):
-        best += way
-    yield from tried.values()
-    below, middle, above = deviance(best - 1), deviance(best), deviance(best + 1)
-    if np.isfinite(below + above):
-        yield weighed(best + 0.5 * (below - above) / max(below - 2.0 * middle + above, 1e-12))
+def _likeliest(fit: StudyFit, exponent: float, start_mn: float, longest_s: float) -> tuple[NoiseModel, float]:
+    """Return the likeliest noise of one exponent, and its deviance, looked for from a size."""
+    lower, upper = np.log([SMALLEST, LARGEST])
+
+    def at(log_size: float) -> NoiseModel:
+        change_mn = fit.noise.white_mn * float(np.exp(np.clip(log_size - OFFSET, lower, upper)))
+        return power_law(fit.noise, change_mn, exponent, longest_s)
+
+    start = OFFSET + float(np.clip(np.log(max(start_mn / fit.noise.white_mn, 1e-9)), lower, upper))
+    found = minimize_scalar(
+        lambda log_size: restricted_deviance(fit, at(log_size)),
+        bracket=(start, start - FIRST_STEP if start + FIRST_STEP > OFFSET + upper else start + FIRST_STEP),
+        options={"xtol": NEAR / OFFSET},
+    )
+    return at(found.x), float(found.fun)

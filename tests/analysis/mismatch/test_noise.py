@@ -1,6 +1,7 @@
 """Whitening against a dense Cholesky factor, and the noise found back from its own spectrum."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,7 +10,13 @@ from scipy.signal import lfilter
 
 from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.fit.noise import FASTEST_SLOW_S, NoiseModel, measure_noise
-from analysis.mismatch.fit.slow_noise import change_in_a_second, with_slow_noise
+from analysis.mismatch.fit.slow_noise import (
+    EXPONENTS,
+    change_in_a_second,
+    power_law,
+    restricted_deviance,
+    with_slow_noise,
+)
 from analysis.mismatch.fit.whitener import Whitener
 from analysis.mismatch.study.intake import take_in_memory
 from analysis.recordings.trial import Trial
@@ -123,3 +130,29 @@ def test_slow_noise_is_found_from_wherever_it_was_before(record: Callable[..., l
     found, from_nothing = (with_slow_noise(fit, near).noise for near in (far, fit.noise))
     wander_mn = [change_in_a_second(noise.parts) for noise in (found, from_nothing)]
     assert wander_mn == pytest.approx([0.0, 0.0], abs=0.2 * fit.noise.white_mn)
+
+
+@pytest.mark.parametrize("exponent", [None, *EXPONENTS])
+def test_slow_noise_is_the_likeliest_wherever_it_is_looked_for(
+    record: Callable[..., list[Trial]], exponent: float | None
+) -> None:
+    quiet = take_in_memory(record(61)).trials
+    longest_s = max(float(t.time_s[-1]) for t in quiet)
+    white = NoiseModel(0.25)
+    slow = () if exponent is None else power_law(white, 0.25, exponent, longest_s).parts
+    rng = np.random.default_rng(61)
+    drawn = [Whitener(t, NoiseModel(1e-3, slow)).drawn(rng) for t in quiet]
+    fit = fit_baseline([replace(t, force_mn=t.force_mn + y) for t, y in zip(quiet, drawn, strict=True)])
+    fit = fit.weighed_by(fast := fit.noise.quicker_than(FASTEST_SLOW_S))
+    grid = [power_law(fast, size, e, longest_s) for size in np.geomspace(0.01, 1.0, 20) for e in EXPONENTS]
+    least = min(restricted_deviance(fit, noise) for noise in (fast, *grid))
+    for near in (
+        fast,
+        *(power_law(fast, size, e, longest_s) for size in (0.01, 0.2, 2.0) for e in EXPONENTS),
+    ):
+        found = with_slow_noise(fit, near).noise
+        assert restricted_deviance(fit, found) < least + 2.0
+        if exponent is None:
+            assert found == fast
+        else:
+            assert change_in_a_second(found.parts[len(fast.parts) :]) == pytest.approx(0.25, rel=0.25)

@@ -79,7 +79,7 @@ def with_slow_noise(fit: StudyFit, near: NoiseModel) -> StudyFit:
         # where the least of it is worse than nothing, more is
         return fit
     first = EXPONENTS.index(_exponent(slow))
-    change_mn = change_in_a_second(slow) if slow else _left_slowly_mn(fit)
+    change_mn = change_in_a_second(slow) if slow else fit.left_mn
     best, smallest = _likeliest(fit, EXPONENTS[first], change_mn, longest_s)
     for others in (EXPONENTS[:first][::-1], EXPONENTS[first + 1 :]):
         for exponent in others:
@@ -98,16 +98,6 @@ def _exponent(slow: Sequence[tuple[float, float]]) -> float:
         return EXPONENTS[-1]
     (first, _), (second, _) = slow[:2]
     return min(EXPONENTS, key=lambda exponent: abs(exponent - np.log(second / first) / np.log(LADDER)))
-
-
-def _left_slowly_mn(fit: StudyFit) -> float:
-    """Return how much larger the residual of cells is than white noise makes it, rms mN."""
-    excess, samples = 0.0, 0.0
-    for j, trial in enumerate(fit.trials):
-        counts = trial.counts[trial.fitted]
-        excess += float(counts @ fit.residual_mn(j)[trial.fitted] ** 2) - fit.noise.white_mn**2 * len(counts)
-        samples += float(counts.sum())
-    return float(np.sqrt(max(excess / samples, 0.0)))
 
 
 def _likeliest(fit: StudyFit, exponent: float, start_mn: float, longest_s: float) -> tuple[NoiseModel, float]:

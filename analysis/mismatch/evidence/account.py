@@ -206,10 +206,22 @@ class Account:
         return replace(best, granted=granted) if granted > 0.0 else self
 
     def off_by(self, share: float) -> Account:
-        """Return the account with its laws granted to be off by a share, and the noise measured beside that."""
+        """Return the account with its laws granted to be off by a share, and the noise measured beside that.
+
+        What laws leave over may be taken for slow noise, where that was granted before. Without it, what else is
+        missing may lead them astray: where they then predict worse than as exact ones, they stay where they stand.
+        """
         if share == self.inexact:
             return self
-        rough = self.exact.quick().inexact_to(share)
+        rough = self.exact.quick()._off_by(share)
+        return (
+            rough
+            if rough.nats > self.of_exact_laws
+            else max(rough, self.exact._off_by(share), key=lambda a: a.nats)
+        )
+
+    def _off_by(self, share: float) -> Account:
+        rough = self.inexact_to(share)
         return rough.at_noise(noise_left(rough.fit.with_population(1)))
 
     @cached_property

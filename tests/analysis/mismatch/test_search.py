@@ -112,6 +112,18 @@ def test_what_a_law_may_leave_by_being_off_names_no_other() -> None:
     assert explains_itself(missing, before, 400.0, 25.0)
 
 
+@pytest.mark.parametrize(("led_astray", "here", "kept"), [(-700.0, -40.0, -40.0), (60.0, 90.0, 60.0)])
+def test_laws_granted_to_be_off_stay_where_they_stand_if_led_astray(
+    monkeypatch: pytest.MonkeyPatch, led_astray: float, here: float, kept: float
+) -> None:
+    """Without slow noise what else is missing may bend them by thousands of nats."""
+    exact, quick = (_account([0.0] * 4, [0.0] * 4) for _ in range(2))
+    off = {id(quick): led_astray, id(exact): here}
+    monkeypatch.setattr(Account, "quick", lambda self: quick)
+    monkeypatch.setattr(Account, "_off_by", lambda self, share: _account([off[id(self)] / 4] * 4, [0.0] * 4))
+    assert exact.off_by(INEXACT).nats == pytest.approx(kept)
+
+
 def test_what_fell_behind_is_added_where_the_account_stands(monkeypatch: pytest.MonkeyPatch) -> None:
     """Beside another effect that is missing a fit without slow noise may end where no effect is worth anything."""
     monkeypatch.setattr(Account, "weighed_anew", lambda self: self)

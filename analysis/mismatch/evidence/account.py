@@ -213,12 +213,12 @@ class Account:
         """
         if share == self.inexact:
             return self
-        rough = self.exact.quick()._off_by(share)
-        return (
-            rough
-            if rough.nats > self.of_exact_laws
-            else max(rough, self.exact._off_by(share), key=lambda a: a.nats)
-        )
+        exact = self.exact
+        quick = exact.quick()
+        rough = quick._off_by(share)
+        if quick is exact or rough.nats > self.of_exact_laws:
+            return rough
+        return max(rough, exact._off_by(share), key=lambda a: a.nats)
 
     def _off_by(self, share: float) -> Account:
         rough = self.inexact_to(share)

@@ -190,14 +190,17 @@ def tuned_hz(fit: StudyFit, scan: OscillationScan) -> dict[int, float]:
     return dict(zip(skin, tried_hz[likely[of_study].argmax(axis=1)].tolist(), strict=True))
 
 
-def steady_gains(fit: StudyFit, j: int, frequencies_hz: FloatArray, size_mm: float) -> FloatArray:
-    """Return the chi2 (F,) of the j-th trial that a steady rhythm with its overtones explains at each frequency."""
+def steady_gains(
+    fit: StudyFit, j: int, frequencies_hz: FloatArray, size_mm: float, *, overtones: bool = True
+) -> FloatArray:
+    """Return the chi2 (F,) of the j-th trial that a steady rhythm explains at each frequency, or its sine alone."""
     trial, state = fit.trials[j], fit.states[j]
     touching = touches(trial, state, fit.shared)
     stiffness = state.tissue.stiffness
     gains = []
     for f in frequencies_hz.tolist():
-        white = fit.projectors[j](stiffness * size_mm * waves(trial, f) * touching[:, None])
+        carried = waves(trial, f)[:, : None if overtones else 2]
+        white = fit.projectors[j](stiffness * size_mm * carried * touching[:, None])
         score = fit.projectors[j].residual @ white
         gains.append(float(score @ np.linalg.solve(white.T @ white + np.eye(len(score)), score)))
     return np.array(gains)

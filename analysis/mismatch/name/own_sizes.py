@@ -66,7 +66,10 @@ def would_do(account: Account, mechanism: Mechanism) -> WouldDo | None:
         return None
     without = account.stripped(mechanism.name).quick().fit
     factors = np.linspace(1.0 - OTHER, 1.0 + OTHER, OTHERS)
-    explained = sum(steady_gains(without, j, s.at * factors, float(np.sqrt(s.prior))) for j, s in slow)
+    # its sine alone: one half as quick has all of it among its overtones
+    explained = sum(
+        steady_gains(without, j, s.at * factors, float(np.sqrt(s.prior)), overtones=False) for j, s in slow
+    )
     near = factors[explained >= (1.0 - INEXACT) * np.max(explained)]
     found_hz = float(np.median([s.at for _, s in slow]))
     half = 0.5 * float(factors[1] - factors[0])

@@ -285,6 +285,8 @@ def test_a_breath_of_a_cycle_says_little_of_its_frequency(record: Callable[..., 
         assert found.se >= sd_hz
         unsure.append(sd_hz)
     assert unsure[0] > 1.5 * unsure[1] > 0.0
+    # nor is one half as quick, among whose overtones this one is
+    assert anywhere.lowest_hz > 0.75 * 0.25
     # a band has cycles enough
     assert would_do(breathing, library()["heartbeat"]) is None
 

@@ -55,7 +55,7 @@ def diagnose(intake: Intake, *, baseline: str = "ramp", seed: int = 0) -> Diagno
     start, ramp = undo_step(Account(fit))
     named = search(start)
     # model: before and after, by the same noise
-    before = Account(fit).begun_at(named.account.fit.noise)
+    before = Account(fit).best_at(named.account.fit.noise)
     found = (*ramp, *findings(named, before, lines))
     # confirm on trials that were not fitted, and look at what is left
     nothing = Account(fit)

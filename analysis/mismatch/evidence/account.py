@@ -162,8 +162,7 @@ class Account:
         """
         here = self.weighed_anew()
         exact = self.exact
-        anew = begun_anew(exact.fit.weighed_by(exact.fit.noise.quicker_than(SLOW_S)))
-        there = replace(exact, fit=anew).with_laws(anew.shared.laws).weighed_anew()
+        there = exact.begun_anew(exact.fit.noise.quicker_than(SLOW_S)).weighed_anew()
         return max(here, there, key=lambda a: a.nats).steadied().granting()
 
     def steadied(self) -> Account:
@@ -247,14 +246,16 @@ class Account:
         fit = self.fit.weighed_by(noise).with_population(1)
         return replace(self, fit=fit_laws(fit, rounds=3))
 
-    def begun_at(self, noise: NoiseModel) -> Account:
+    def begun_anew(self, noise: NoiseModel) -> Account:
+        """Return the account with its tissues begun anew beside its laws, weighed by a noise."""
+        return replace(self, fit=begun_anew(self.fit.weighed_by(noise))).with_laws(self.fit.shared.laws)
+
+    def best_at(self, noise: NoiseModel) -> Account:
         """Return the account refitted with another noise, its tissues begun anew if it then predicts better.
 
         Slow noise that an effect was taken for had left them anywhere.
         """
-        here = self.at_noise(noise)
-        anew = begun_anew(self.fit.weighed_by(noise)).with_population()
-        return max(here, replace(self, fit=fit_laws(anew)), key=lambda a: a.nats)
+        return max(self.at_noise(noise), self.begun_anew(noise), key=lambda a: a.nats)
 
 
 def with_own_sizes(fit: StudyFit) -> StudyFit:

@@ -136,6 +136,20 @@ def test_a_law_s_size_and_time_are_known_to_its_tenth(record: Callable[..., list
         assert SIZE_INEXACT * value <= found[name].se < 2.0 * SIZE_INEXACT * value
 
 
+def test_whatever_tells_a_law_s_size_is_known_to_a_tenth_of_it(record: Callable[..., list[Trial]]) -> None:
+    """A level to a tenth of what it cuts off, a power to a tenth of what it bends: never to a tenth of themselves."""
+    fit = fit_baseline(take_in_memory(record(53)).trials).weighed_by(NoiseModel(1e-3))
+    cut_mn = 10.0
+    level_mn = max(float(t.force_mn.max()) for t in fit.trials) - cut_mn
+    saturation, stiffening = library()["force_saturation"], library()["stiffening"]
+    for law, name, whole in (
+        (Law(saturation, {**saturation.null, "level_mn": level_mn}, ("level_mn",)), "level_mn", cut_mn),
+        (Law(stiffening, {**stiffening.null, "exponent": 1.2}, ("exponent",)), "exponent", 0.2),
+    ):
+        se = law_sizes(Account(replace(fit, shared=Shared((law,)))), law)[name].se
+        assert 0.3 * SIZE_INEXACT * whole < se < 2.0 * SIZE_INEXACT * whole, (name, se)
+
+
 def test_a_size_within_two_errors_of_nothing_is_not_told(record: Callable[..., list[Trial]]) -> None:
     fit = fit_baseline(take_in_memory(record(51)).trials)
     arm = library()["third_relaxation"]

@@ -42,8 +42,7 @@ FIRST_ROUNDS = 5
 class Option:
     """An effect that might be added: name, linear evidence (nats), what is enough, how to add it to an account.
 
-    ``found_in`` is the account in which it was found, ``beside`` its evidence beside the law that has most, ``sign``
-    that by the noise as it was measured, slow part and all.
+    ``found_in`` is the account in which it was found, ``beside`` its evidence beside the law that has most.
     """
 
     name: str
@@ -52,7 +51,6 @@ class Option:
     found_in: Account
     added_to: Callable[[Account], Account]
     beside: float = 0.0
-    sign: float = 0.0
 
     def refit(self) -> Account:
         """Return the account in which the effect was found, refitted with it."""
@@ -64,13 +62,13 @@ def added(options: Sequence[Option], account: Account) -> Account:
 
     With an effect recordings are as likely as without it, but for its price. Where it fell behind by more, what else is
     missing has bent the tissue, as no slow noise was granted where it was found; then it is added where the account
-    stands, if it is promising there.
+    stands.
     """
     best = max((option.refit().weighed_anew() for option in options), key=lambda a: a.nats)
     if best.nats > account.of_exact_laws - options[0].enough:
         return best
     # those that were found in the account itself were added there
-    elsewhere = [o for o in options if o.found_in is not account and o.sign > 0.5 * o.enough]
+    elsewhere = [o for o in options if o.found_in is not account]
     return max(
         [best, *(option.added_to(account).weighed_anew() for option in elsewhere)], key=lambda a: a.nats
     )

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.settled import settled_columns
 from analysis.mismatch.levels import CLOSE, FEWEST_HELD_OUT, REFITTED
 from analysis.mismatch.model.dictionary import templates
 from analysis.mismatch.name.options import Option, law_options, own_options
-
-SIGN = 1.0
-"""What a parameter gains of nothing, nats (Akaike, IEEE Trans. Autom. Control 19:716, 1974)."""
 
 
 @dataclass(frozen=True)
@@ -64,8 +61,8 @@ def worth_trying(
             signs |= {o.name: o.nats for o in same}
     options: dict[str, list[Option]] = {}
     for option in (option for some in worth for option in some):
-        if (sign := signs.get(option.name, 0.0)) > SIGN:
-            options.setdefault(option.name, []).append(replace(option, sign=sign))
+        if signs.get(option.name, 0.0) > 0.5 * option.enough:
+            options.setdefault(option.name, []).append(option)
     largest = {name: max(o.nats for some in listed for o in some if o.name == name) for name in options}
     in_order = sorted(options, key=lambda name: -largest[name])
     return Tries({name: options[name] for name in in_order}, largest, taken_up)

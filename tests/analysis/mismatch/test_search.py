@@ -137,14 +137,10 @@ def test_what_fell_behind_is_added_where_the_account_stands(monkeypatch: pytest.
             asked.append(account)
             return found if account is here else from_quick
 
-        return Option("respiration", 900.0, 25.0, quick, refit, sign=40.0)
+        return Option("respiration", 900.0, 25.0, quick, refit)
 
     assert added([option(led_astray)], here) is found
     assert asked == [quick, here]
-    # nor is what promises nothing by the noise that there is
-    asked.clear()
-    assert added([replace(option(led_astray), sign=12.0)], here) is led_astray
-    assert asked == [quick]
     asked.clear()
     # what predicts no worse, but for its price, is as good as it gets
     nothing = _account([47.0] * 4, [])

@@ -12,7 +12,7 @@ from analysis.errors import BadInputError
 from analysis.mismatch.fit.noise import NoiseModel, measure_noise
 from analysis.mismatch.fit.slow_noise import with_slow_noise
 from analysis.mismatch.fit.start import longest_s, start_rigid, start_tissue
-from analysis.mismatch.fit.study_fit import StudyFit, sampled_alike
+from analysis.mismatch.fit.study_fit import StudyFit, sampled_alike, tells_noise
 from analysis.mismatch.fit.whitener import Whitener
 from analysis.mismatch.levels import FEWEST_HELD_OUT
 from analysis.mismatch.model.effects import OwnShape, Shared, TrialState, tissue_force
@@ -89,8 +89,7 @@ def _with_block(trial: CellTrial, state: TrialState) -> TrialState:
 def noise_of(fit: StudyFit) -> NoiseModel:
     """Return the noise from what differs between trials of one condition at rest, each after its own tissue.
 
-    One or two trials can't tell slow noise from what a law leaves over: all of it is weighed as if it were white, and
-    no smaller than the residual itself, or what is quiet at rest would make a law's own inexactness infinite.
+    Where it can't be told from what laws leave over, all of it is weighed as if it were white.
     """
     rate = fit.trials[0].sample_rate_hz
     if sampled_alike(fit.trials):
@@ -98,11 +97,10 @@ def noise_of(fit: StudyFit) -> NoiseModel:
     else:
         white = [sample_noise(fit.full_residual_mn(j)) for j in range(len(fit.trials))]
         noise = NoiseModel(max(float(np.median(white)), 1e-12))
-    if len(fit.trials) >= FEWEST_HELD_OUT:
+    if tells_noise(fit.trials):
         return noise
     slow = 2.0 * rate * sum(variance * time_s for variance, time_s in noise.parts)
-    left = np.concatenate([np.sqrt(t.counts) * fit.residual_mn(j) for j, t in enumerate(fit.trials)])
-    return NoiseModel(float(max(np.sqrt(noise.white_mn**2 + slow), np.sqrt(np.mean(left**2)))))
+    return NoiseModel(float(np.sqrt(noise.white_mn**2 + slow)))
 
 
 def _at_rest(fit: StudyFit) -> list[FloatArray]:
@@ -133,5 +131,13 @@ def _at_rest(fit: StudyFit) -> list[FloatArray]:
 
 
 def noise_left(fit: StudyFit) -> NoiseModel:
-    """Return the noise measured anew from what a fit leaves."""
-    return with_slow_noise(fit.weighed_by(noise_of(fit)), fit.noise).noise
+    """Return the noise measured anew from what a fit leaves.
+
+    Of one or two trials it is no smaller than that, whatever it is: what is quiet at rest would make a law's own
+    inexactness infinite.
+    """
+    fit = with_slow_noise(fit.weighed_by(noise_of(fit)), fit.noise)
+    if len(fit.trials) >= FEWEST_HELD_OUT:
+        return fit.noise
+    left = np.concatenate([w(fit.residual_mn(j)) for j, w in enumerate(fit.whiteners)])
+    return fit.noise.times(max(float(np.sqrt(np.mean(left**2))), 1.0))

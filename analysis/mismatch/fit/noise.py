@@ -38,6 +38,10 @@ class NoiseModel:
         """Return the noise without its parts of such a time and slower ones."""
         return NoiseModel(self.white_mn, tuple(part for part in self.parts if part[1] < time_s))
 
+    def times(self, factor: float) -> NoiseModel:
+        """Return noise of the same spectrum that is so much larger."""
+        return NoiseModel(factor * self.white_mn, tuple((factor**2 * v, t) for v, t in self.parts))
+
     def power(self, frequency_hz: FloatArray, sample_rate_hz: float) -> FloatArray:
         """Return the one-sided power spectrum (F,) in mN^2/Hz."""
         white = np.full_like(frequency_hz, 2.0 * self.white_mn**2 / sample_rate_hz)

@@ -9,9 +9,8 @@ from scipy.optimize import minimize_scalar
 
 from analysis.mismatch.fit.noise import FASTEST_SLOW_S, NoiseModel
 from analysis.mismatch.fit.own import from_mean, log_determinant, own_columns
-from analysis.mismatch.fit.study_fit import StudyFit
+from analysis.mismatch.fit.study_fit import StudyFit, tells_noise
 from analysis.mismatch.fit.whitener import Whitener
-from analysis.mismatch.levels import FEWEST_HELD_OUT
 from analysis.mismatch.model.effects import TISSUE_SIZE
 
 LADDER = 4.0
@@ -69,7 +68,7 @@ def with_slow_noise(fit: StudyFit, near: NoiseModel) -> StudyFit:
     It is looked for about that of the noise ``near``, or about what the fit leaves where that has none.
     A wander slower than a hold can't be seen in a residual from which a tissue was fitted.
     """
-    if len(fit.trials) < FEWEST_HELD_OUT:
+    if not tells_noise(fit.trials):
         return fit
     fast, longest_s = fit.noise, max(float(t.time_s[-1] - t.time_s[0]) for t in fit.trials)
     slow = [part for part in near.parts if part[1] >= FASTEST_SLOW_S]

@@ -15,6 +15,7 @@ from analysis.mismatch.fit.own import ForceColumns, OwnColumns, Projector, force
 from analysis.mismatch.fit.rhythms import followed
 from analysis.mismatch.fit.trial_fit import ROUNDS, fit_trial, penalty
 from analysis.mismatch.fit.whitener import Whitener
+from analysis.mismatch.levels import FEWEST_HELD_OUT
 from analysis.mismatch.model.effects import Shared, TrialState, simulate
 from analysis.mismatch.model.population import Population, estimate
 from analysis.simulation.cells import CellTrial
@@ -23,6 +24,7 @@ FloatArray = NDArray[np.float64]
 
 COLUMNS = {"force_columns", "own", "projectors"}
 """What a fit computes of itself and may compute again."""
+AT_REST = ("hold", "dwell")
 MOST_HELD_BYTES = 5e8
 """A quarter of the 2 GB within which a diagnosis stays."""
 
@@ -191,3 +193,9 @@ def sampled_alike(trials: Sequence[CellTrial]) -> bool:
     """Whether all trials were sampled evenly, and at one rate."""
     rates = [t.sample_rate_hz for t in trials]
     return float(np.ptp(rates)) <= 1e-6 * max(rates) and all(t.uneven_s is None for t in trials)
+
+
+def tells_noise(trials: Sequence[CellTrial]) -> bool:
+    """Whether noise can be told from what laws leave over: by what differs between trials, or by spectra at rest."""
+    at_rest = any(t.in_phase(name).any() for t in trials for name in AT_REST)
+    return len(trials) >= FEWEST_HELD_OUT or (at_rest and sampled_alike(trials))

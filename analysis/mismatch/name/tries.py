@@ -61,7 +61,7 @@ def worth_trying(
             signs |= {o.name: o.nats for o in same}
     options: dict[str, list[Option]] = {}
     for option in (option for some in worth for option in some):
-        if signs.get(option.name, 0.0) > 0.5 * option.enough:
+        if few or signs.get(option.name, 0.0) > 0.5 * option.enough:
             options.setdefault(option.name, []).append(option)
     largest = {name: max(o.nats for some in listed for o in some if o.name == name) for name in options}
     in_order = sorted(options, key=lambda name: -largest[name])

@@ -184,7 +184,7 @@ def summary(report: Report) -> str:
                 if report.n_trials < FEWEST_HELD_OUT
                 else "little could be held out"
             )
-            + ", so slow noise may pass for an effect; record at least 8."
+            + ", so slow noise may pass for an effect, or a slow effect for noise; record at least 8."
         )
     if report.verdict == "no_mismatch" and report.not_identifiable:
         said.append(_hidden_words(report.not_identifiable))

@@ -65,6 +65,27 @@ def test_nothing_is_named_on_living_skin_where_nothing_is_and_its_scatter_is_fou
     assert "lever_compliance" in {a.mechanism.name for a in found.absorbed}
 
 
+@pytest.mark.parametrize(("pull_off_mn", "named"), [(0.0, []), (4.0, ["adhesion"])])
+@pytest.mark.parametrize("n", [1, 2])
+def test_one_or_two_trials_are_weighed_by_the_noise_that_they_have_at_rest(
+    n: int, pull_off_mn: float, named: list[str]
+) -> None:
+    """Noise that stays for 25 ms and wanders for seconds hides no pull that is over in ten, nor is it an effect."""
+    noise = (
+        "[noise]\nforce_mn_rms = 0.25\ncorrelated_share = 0.4\ncorrelation_ms = 25.0\n"
+        "wander_mn_rms = 0.2\nwander_time_s = 2.0\n"
+    )
+    clings = f'[[effects]]\nname = "adhesion"\npull_off_mn = {pull_off_mn}\n'
+    plans = study_plans(depths_mm=(0.3, 0.6), repeats=1, **SHORT)[:n]
+    trials = bench_trials(LIVING.format(seed=12) + noise + clings * bool(named), plans)
+    report = _report(diagnose(take_in_memory(trials), seed=1))
+    assert report.verdict == ("named" if named else "no_mismatch")
+    assert [m.name for m in report.mechanisms] == named
+    for m in report.mechanisms:
+        found = m.parameters["pull_off_mn"]
+        assert abs(found.value - pull_off_mn) < 4.0 * found.se < 2.0
+
+
 @pytest.mark.parametrize(
     ("effect", "name", "parameter", "value", "within"),
     [

@@ -22,7 +22,7 @@ from analysis.mismatch.evidence.inexactness import (
 from analysis.mismatch.fit.baseline import begun_anew, noise_left
 from analysis.mismatch.fit.gram import Grams, gram
 from analysis.mismatch.fit.law_fit import fit_laws, known_beforehand, law_columns, with_room
-from analysis.mismatch.fit.noise import NoiseModel
+from analysis.mismatch.fit.noise import SLOW_S, NoiseModel
 from analysis.mismatch.fit.steadied import steadied
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import FEWEST_HELD_OUT, INEXACT, ROUGH
@@ -33,7 +33,6 @@ from analysis.recordings.trial import PHASE_NAMES
 FloatArray = NDArray[np.float64]
 
 SITE_KIND = "site"
-SLOW_S = 0.06
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,8 @@ CORRELATION_TIMES_S = (4e-4, 1.6e-3, 6.4e-3, 0.0256, 0.1024, 0.41)
 TIMES_A_SEGMENT = 2.0
 FASTEST_SLOW_S = 0.41
 """Parts from here on are no matter of a spectrum: a hold is too short for them, and a tissue takes them up."""
+SLOW_S = 0.06
+"""Parts from here on outlast what comes and goes in a ramp or a release."""
 SEGMENT_S = 3.2
 
 

@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 
 from analysis.mismatch.diagnosis import Diagnosis
-from analysis.mismatch.fit.noise import NoiseModel
+from analysis.mismatch.fit.noise import SLOW_S, NoiseModel
 from analysis.mismatch.report.contents import Report
 from analysis.mismatch.report.verdict import SERVO
 from analysis.simulation.mechanism import library
 
-SLOW_S = 0.05
 SURFACE_MM = (0.5, 9.0)
 BLOCK_MN_PER_MM = (1.0e4, 1.0e6)
 STEP_ONLY = "finite_ramp"
@@ -76,8 +75,8 @@ def bench_settings(diagnosis: Diagnosis, report: Report) -> dict[str, Any]:
 
 def noise_settings(noise: NoiseModel, position_noise_mm: float | None) -> dict[str, float]:
     """Return the bench's noise for a noise model: white, quickly correlated, and slowly wandering parts."""
-    quick = [(v, t) for v, t in noise.parts if t <= SLOW_S]
-    slow = [(v, t) for v, t in noise.parts if t > SLOW_S]
+    quick = noise.quicker_than(SLOW_S).parts
+    slow = [(v, t) for v, t in noise.parts if t >= SLOW_S]
     fast_variance = noise.white_mn**2 + sum(v for v, _ in quick)
     settings = {
         "force_mn_rms": float(np.sqrt(fast_variance)),

@@ -63,13 +63,14 @@ def diagnose(intake: Intake, *, baseline: str = "ramp", seed: int = 0) -> Diagno
     bursts = find_transients(nothing.fit) if named.account.names else remainder.bursts
     nameless = nameless_of(named.account, before, [f.name for f in found])
     trend = where_trend(remainder.trend)
+    somewhere = bool(found) or remainder.lasts
     return Diagnosis(
         intake=intake,
         baseline=before,
         named=named,
         findings=found,
         lines=lines,
-        located=(*locate(before.fit, rng, all_of_them=bool(found)), *where_bursts(bursts), *trend),
+        located=(*locate(before.fit, rng, somewhere=somewhere), *where_bursts(bursts), *trend),
         left=(*locate(nameless.by_name.fit, rng), *where_bursts(remainder.bursts), *trend),
         remainder=remainder,
         nameless=nameless,

@@ -47,13 +47,13 @@ class Located:
         return "every trial, more with depth" if self.with_depth else "every depth"
 
 
-def locate(fit: StudyFit, rng: np.random.Generator, *, all_of_them: bool = False) -> tuple[Located, ...]:
+def locate(fit: StudyFit, rng: np.random.Generator, *, somewhere: bool = False) -> tuple[Located, ...]:
     """Return the stretches in which trials differ significantly from the simulation, largest share first.
 
     H0 of what trials have in common: each trial's score is as likely turned round (sign-flips of whole trials, maximum
     over all windows and their growth with depth); of what differs from trial to trial: the noise measured at rest, by
     the odds for a window's variance (an e-value; P(odds >= x) <= 1/x). With fewer than eight trials only the latter.
-    ``all_of_them`` returns the largest stretch where none is significant by itself.
+    Where trials are known to differ ``somewhere`` it returns the largest stretch if none is significant by itself.
     """
     columns = [window_columns(t) for t in fit.trials]
     white = [p(c) for p, c in zip(fit.projectors, columns, strict=True)]
@@ -70,7 +70,7 @@ def locate(fit: StudyFit, rng: np.random.Generator, *, all_of_them: bool = False
     energy, mean, weight = _energies(fit, columns)
     total = max(float(energy[p <= LEVEL].sum()), 1e-30)
     significant = p <= LEVEL
-    if all_of_them and not significant.any() and energy.max() > 0:
+    if somewhere and not significant.any() and energy.max() > 0:
         significant = energy >= energy.max()
         total = float(energy.sum())
     found = []

@@ -41,6 +41,11 @@ class Remainder:
         return max(self.common, self.own, self.bursts.evidence, 0.0)
 
     @property
+    def lasts(self) -> bool:
+        """Whether more than noise is left that is neither a burst nor a trend: it is somewhere in the phases."""
+        return max(self.common, self.own) > ENOUGH_OWN
+
+    @property
     def significant(self) -> bool:
         """Whether it is more than noise."""
         return self.evidence > ENOUGH_OWN or self.trend.significant
@@ -95,7 +100,7 @@ def remainder_of(account: Account, nothing: Account) -> Remainder:
     bare = nothing.at_noise(account.fit.noise)
     best = _common(account, bare)
     quiet = out_of_contact(account.fit)
-    if quiet.gain > best.own:
+    if quiet.gain > best.evidence:
         there = account.at_noise(quiet.noise)
         wander = account.gain_over(there)[0]
         explained = max(there.gain_over(nothing.at_noise(quiet.noise))[0], 0.0)

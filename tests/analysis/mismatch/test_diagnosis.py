@@ -65,6 +65,18 @@ def test_nothing_is_named_on_living_skin_where_nothing_is_and_its_scatter_is_fou
     assert "lever_compliance" in {a.mechanism.name for a in found.absorbed}
 
 
+@pytest.mark.parametrize(("amplitude_um", "frequency_hz"), [(2.7, 19.0), (2.0, 24.0)])
+def test_what_is_left_of_a_tone_is_unknown_and_somewhere(amplitude_um: float, frequency_hz: float) -> None:
+    """A drive that hunts sways about its tone; no window of a trial tells that by itself, and all of them do."""
+    hunting = f'name = "servo_hunting"\namplitude_um = {amplitude_um}\nfrequency_hz = {frequency_hz}'
+    found = _diagnose(hunting)
+    assert found.lines
+    assert found.remainder.lasts
+    report = _report(found)
+    assert report.verdict == "unknown"
+    assert report.mismatch
+
+
 @pytest.mark.parametrize(("pull_off_mn", "named"), [(0.0, []), (4.0, ["adhesion"])])
 @pytest.mark.parametrize("n", [1, 2])
 def test_one_or_two_trials_are_weighed_by_the_noise_that_they_have_at_rest(

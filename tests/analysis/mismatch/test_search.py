@@ -18,7 +18,7 @@ from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import ENOUGH_OWN, INEXACT, ROUGH, UNFORESEEN
 from analysis.mismatch.model.effects import TISSUE_SIZE, Law, Shared
 from analysis.mismatch.model.population import Population
-from analysis.mismatch.name import search
+from analysis.mismatch.name import search, tries
 from analysis.mismatch.name.events import EVENTS
 from analysis.mismatch.name.options import Option, added, own_options
 from analysis.mismatch.name.search import (
@@ -174,6 +174,25 @@ def test_what_the_noise_leaves_no_sign_of_is_not_tried(record: Callable[..., lis
     assert not tried(quiet)
     breath = '[[effects]]\nname = "respiration"\namplitude_um = 20.0\nfrequency_hz = 0.3\n'
     assert "respiration" in tried(account(breath))
+
+
+def test_half_of_what_is_enough_must_be_left_beside_the_noise(
+    monkeypatch: pytest.MonkeyPatch, record: Callable[..., list[Trial]]
+) -> None:
+    """However much it is without slow noise: what promises nothing by the noise that there is, is not added."""
+    wandering = "[noise]\nforce_mn_rms = 0.2\nwander_mn_rms = 0.6\nwander_time_s = 1.0\n"
+    account = Account(fit_baseline(take_in_memory(record(57, wandering)).trials))
+    assert account.quick() is not account
+
+    def tried(left: float) -> bool:
+        def breath(found_in: Account, only: str = "") -> list[Option]:
+            return [Option("respiration", left if only else 900.0, 25.0, found_in, lambda same: same)]
+
+        monkeypatch.setattr(tries, "own_options", breath)
+        return "respiration" in worth_trying(account, account, (0.0, 0.0), None).options
+
+    assert not tried(12.0)
+    assert tried(13.0)
 
 
 def test_what_laws_were_off_for_want_of_frees_them() -> None:

@@ -12,7 +12,7 @@ from analysis.errors import BadInputError
 from analysis.mismatch.fit.noise import NoiseModel, measure_noise
 from analysis.mismatch.fit.slow_noise import with_slow_noise
 from analysis.mismatch.fit.start import longest_s, start_rigid, start_tissue
-from analysis.mismatch.fit.study_fit import StudyFit, sampled_alike, tells_noise
+from analysis.mismatch.fit.study_fit import AT_REST, StudyFit, sampled_alike, tells_noise
 from analysis.mismatch.fit.whitener import Whitener
 from analysis.mismatch.levels import FEWEST_HELD_OUT
 from analysis.mismatch.model.effects import OwnShape, Shared, TrialState, tissue_force
@@ -112,7 +112,7 @@ def _at_rest(fit: StudyFit) -> list[FloatArray]:
     pieces: dict[tuple[str, str], list[FloatArray]] = {}
     for j, t in enumerate(fit.trials):
         residual = fit.drawn_residual_mn(j)
-        for name in ("hold", "dwell", "sweep"):
+        for name in (*AT_REST, "sweep"):
             cells = np.flatnonzero(t.in_phase(name))
             if not len(cells):
                 continue

@@ -270,11 +270,10 @@ def with_events(fit: StudyFit, scan: EventScan) -> StudyFit:
         step = event_shape(scan.event, trial, time_s, rise_s) * unit
         since = np.maximum(trial.time_s - time_s, 0.0)
         shapes = [OwnShape(name, acts, step, size**2, time_s)]
-        shapes += [
-            OwnShape(name, acts, step * -np.expm1(-since / t), (SETTLES * size) ** 2, time_s, CREEP)
-            for t in SETTLES_S
-            if not scan.event.returns
-        ]
+        if not scan.event.returns:
+            settles = [step * -np.expm1(-since / t) for t in SETTLES_S]
+            settles[0] = settles[0] if scan.event.one_sided else step - settles[0]
+            shapes += [OwnShape(name, acts, s, (SETTLES * size) ** 2, time_s, CREEP) for s in settles]
         shapes += [
             OwnShape(name, acts, bent * unit, size**2, time_s, CREEP)
             for bent in bent_shapes(scan.event, trial, time_s, rise_s)

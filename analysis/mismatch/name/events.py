@@ -76,7 +76,10 @@ EVENTS = (
 SETTLES_S = (0.03, 0.5, 3.0)
 CREEP = "creep"
 SETTLES = 0.1
-"""No step stays exactly as it was: it may creep by a tenth of its size with these times."""
+"""No step stays exactly as it was: it may creep by a tenth of its size with these times.
+
+A drop is as large as it is at once. Skin that shifts may swing too far for the first of them: that is not its size.
+"""
 
 
 def step_shape(trial: CellTrial, time_s: float, rise_s: float) -> FloatArray:

@@ -59,6 +59,9 @@ def worth_trying(
         for looks_like in worth[-1]:
             same = [looks_like] if quick is account else own_options(account, looks_like.name)
             signs |= {o.name: o.nats for o in same}
+        # where one shows beside the noise something comes in each trial anew, and may be another that says more
+        shown = [o.nats for o in worth[-1] if signs.get(o.name, 0.0) > 0.5 * o.enough]
+        signs |= {o.name: o.nats for o in worth[-1] if shown and o.nats > min(shown)}
     options: dict[str, list[Option]] = {}
     for option in (option for some in worth for option in some):
         if few or signs.get(option.name, 0.0) > 0.5 * option.enough:

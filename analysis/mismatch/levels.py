@@ -31,13 +31,13 @@ ENOUGH_ONCE = ENOUGH_SHARED - math.log(MOST_EFFECTS)
 """Evidence for what is asked once of a study, not at each of its steps."""
 
 INEXACT = 0.1
-"""A law of the textbook is right to about a tenth of its size, in every trial and phase anew."""
+"""An effect as the textbook has it is right to about a tenth of its size, in every trial and phase anew."""
 
 ROUGH = 0.3
 """And at times to a third only: the recordings choose between exact, a tenth and this."""
 
 UNFORESEEN = 1.0 / 3.0
-"""Share of what a law is off by that the shapes of its inexactness have not."""
+"""Share of what an effect is off by that is not smooth, or of no shape at all that its inexactness has."""
 
 SURE = -math.log(LEVEL)
 """Times what the laws before it are expected to leave over that an effect must explain: what they do leave is

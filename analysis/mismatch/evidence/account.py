@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from analysis.mismatch.evidence.heldout import predictive_deviance
 from analysis.mismatch.evidence.inexactness import (
-    INEXACT_KIND,
     MOMENTS,
-    PER_PHASE,
+    exact_state,
     inexact_columns,
-    law_effects,
+    inexact_effects,
+    inexact_names,
+    inexact_precision,
     sample_columns,
     with_inexactness,
 )
@@ -26,7 +27,7 @@ from analysis.mismatch.fit.noise import SLOW_S, NoiseModel
 from analysis.mismatch.fit.steadied import steadied
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import FEWEST_HELD_OUT, INEXACT, ROUGH
-from analysis.mismatch.model.effects import Law, OwnShape, OwnShapes, TrialState
+from analysis.mismatch.model.effects import Law, OwnShape
 from analysis.mismatch.model.population import OF_SITE
 from analysis.recordings.trial import PHASE_NAMES
 
@@ -61,7 +62,7 @@ class Account:
     def columns(self, j: int) -> FloatArray:
         """Return the columns (n, K) of `grams` in the j-th trial in mN, the laws' parameters first."""
         fit = self.fit
-        trial, effects = fit.trials[j], law_effects(fit, j)
+        trial, effects = fit.trials[j], inexact_effects(fit, j)
         of_laws = [
             law_columns(trial, fit.states[j], fit.shared) * with_room(fit.shared),
             sample_columns(trial, effects),
@@ -71,11 +72,12 @@ class Account:
     @property
     def precision(self) -> FloatArray:
         """What is known (K,) of the coefficients of `columns` before any trial is weighed by them."""
-        in_phases = len(self.fit.shared.laws) * len(PHASE_NAMES)
-        known = np.append(known_beforehand(self.fit.shared), np.ones(in_phases * MOMENTS))
+        n_effects = len(inexact_names(self.fit))
+        in_samples = np.ones(n_effects * len(PHASE_NAMES) * MOMENTS)
+        known = np.append(known_beforehand(self.fit.shared), in_samples)
         if not self.inexact:
             return known
-        return np.append(known, np.full(in_phases * PER_PHASE, self.inexact**-2))
+        return np.append(known, inexact_precision(self.inexact, n_effects))
 
     @cached_property
     def evidence(self) -> FloatArray:
@@ -132,7 +134,7 @@ class Account:
 
     def stripped(self, name: str) -> Account:
         """Return the account without one effect, and all else where it stands."""
-        states = tuple(_without(s, name) for s in self.fit.states)
+        states = tuple(s.without(name) for s in self.fit.states)
         laws = tuple(law for law in self.fit.shared.laws if law.name != name)
         fit = replace(self.fit, states=states, shared=replace(self.fit.shared, laws=laws))
         if any(r.effect == name for s in self.fit.states for r in s.rhythms):
@@ -192,7 +194,7 @@ class Account:
 
         What laws leave over by being off has passed for slow noise until then, and bent the tissue.
         """
-        if not self.fit.shared.laws or len(self.fit.trials) < FEWEST_HELD_OUT:
+        if not inexact_names(self.fit) or len(self.fit.trials) < FEWEST_HELD_OUT:
             return self
         if self.inexact_to(INEXACT).nats <= self.nats:
             return self
@@ -236,8 +238,7 @@ class Account:
         """The account with its laws taken as exact."""
         if not self.inexact:
             return self
-        kept = [[k for k, x in enumerate(s.shapes) if x.kind != INEXACT_KIND] for s in self.fit.states]
-        states = tuple(_kept(s, k) for s, k in zip(self.fit.states, kept, strict=True))
+        states = tuple(map(exact_state, self.fit.states))
         return replace(self, fit=replace(self.fit, states=states), inexact=0.0, granted=0.0)
 
     def at_noise(self, noise: NoiseModel) -> Account:
@@ -273,15 +274,3 @@ def with_own_sizes(fit: StudyFit) -> StudyFit:
         ]
         states.append(state.with_shapes(shapes))
     return replace(fit, states=tuple(states))
-
-
-def _without(state: TrialState, effect: str) -> TrialState:
-    """Return a state without the shapes and rhythms of one effect."""
-    state = replace(state, rhythms=tuple(r for r in state.rhythms if r.effect != effect))
-    return _kept(state, [k for k, shape in enumerate(state.shapes) if shape.effect != effect])
-
-
-def _kept(state: TrialState, kept: list[int]) -> TrialState:
-    return replace(
-        state, shapes=OwnShapes(state.shapes[k] for k in kept), coefficients=state.coefficients[kept]
-    )

@@ -1,4 +1,4 @@
-"""What laws that are nearly right leave over: off by a share of their size, and in what happens within a sample."""
+"""What effects that are nearly right leave over: off by a share of their size, and in what happens within a sample."""
 
 from __future__ import annotations
 
@@ -6,18 +6,22 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.polynomial.legendre import legvander
 from numpy.typing import NDArray
 
 from analysis.mismatch.fit.study_fit import StudyFit
-from analysis.mismatch.model.effects import OwnShape, OwnShapes, own_effects, simulate
+from analysis.mismatch.levels import UNFORESEEN
+from analysis.mismatch.model.effects import OwnShape, TrialState, own_effects, simulate
 from analysis.recordings.trial import PHASE_NAMES
 from analysis.simulation.cells import CellTrial
 
 FloatArray = NDArray[np.float64]
 
 INEXACT_KIND = "inexact"
-PER_PHASE, SMOOTH = 4, 2
-"""Shapes of a law's inexactness in every phase, and how many of them are free in every trial anew."""
+SMOOTH, ROUGHER = 3, 4
+PER_PHASE, IN_TRIAL = SMOOTH + 1 + ROUGHER, 2
+"""Shapes of an effect's inexactness in every phase: smooth ones, what comes at once, and those of higher orders; and
+how many of them are free in every trial anew."""
 MOMENTS = 2
 """Of a kernel of a sample's length, in every phase: no recording says what happens within a sample."""
 NEGLIGIBLE = 0.01
@@ -26,26 +30,55 @@ SETTLES_S = 0.02
 
 
 def with_inexactness(fit: StudyFit, share: float) -> StudyFit:
-    """Return the fit in which every law may be off by a share of its size, differently in every trial and phase."""
-    names = [law.name for law in fit.shared.laws]
+    """Return the fit in which every effect may be off by a share of its size, differently in every trial and phase."""
+    names = inexact_names(fit)
     states = []
     for j, state in enumerate(fit.states):
-        own = inexact_columns(fit.trials[j], law_effects(fit, j))
-        kept = [k for k, shape in enumerate(state.shapes) if shape.kind != INEXACT_KIND]
-        per_law = own.shape[1] // max(len(names), 1)
+        own = inexact_columns(fit.trials[j], inexact_effects(fit, j))
+        per_effect = PER_PHASE * len(PHASE_NAMES)
         added = [
-            OwnShape(names[k // per_law], "force", own[:, k], share**2, 0.0, INEXACT_KIND)
+            OwnShape(names[k // per_effect], "force", own[:, k], share**2, 0.0, INEXACT_KIND)
             for k in range(own.shape[1])
-            if np.any(own[:, k]) and k % per_law % PER_PHASE < SMOOTH
+            if np.any(own[:, k]) and k % PER_PHASE < IN_TRIAL
         ]
-        states.append(
-            replace(
-                state,
-                shapes=OwnShapes((*(state.shapes[k] for k in kept), *added)),
-                coefficients=np.append(state.coefficients[kept], np.zeros(len(added))),
-            )
-        )
+        states.append(exact_state(state).with_shapes(added))
     return replace(fit, states=tuple(states))
+
+
+def inexact_precision(share: float, n_effects: int) -> FloatArray:
+    """Return what is known (D,) of the coefficients of `inexact_columns` of effects that are right to a share.
+
+    Those of higher orders are what is not foreseen.
+    """
+    in_phase = np.full(PER_PHASE, share)
+    in_phase[-ROUGHER:] *= UNFORESEEN
+    return np.tile(in_phase**-2, n_effects * len(PHASE_NAMES))
+
+
+def inexact_names(fit: StudyFit) -> tuple[str, ...]:
+    """Return the names of what is granted to be off: the laws, then what has shapes of its own in some trial.
+
+    A rhythm wanders by itself.
+    """
+    laws = [law.name for law in fit.shared.laws]
+    own = (x.effect for s in fit.states for x in s.shapes if not x.is_number and x.kind != INEXACT_KIND)
+    return tuple(dict.fromkeys((*laws, *own)))
+
+
+def inexact_effects(fit: StudyFit, j: int) -> list[FloatArray]:
+    """Return what each of `inexact_names` changes in the j-th trial's force, (n,) mN each."""
+    trial, state, shared = fit.trials[j], exact_state(fit.states[j]), fit.shared
+    whole = simulate(trial, state, shared)
+    found = law_effects(fit, j)
+    for name in inexact_names(fit)[len(found) :]:
+        without = state.without(name)
+        found.append(np.zeros_like(whole) if without is state else whole - simulate(trial, without, shared))
+    return found
+
+
+def exact_state(state: TrialState) -> TrialState:
+    """Return the state of a trial without what its effects are granted to be off by."""
+    return state.with_only([k for k, x in enumerate(state.shapes) if x.kind != INEXACT_KIND])
 
 
 def law_effects(fit: StudyFit, j: int) -> list[FloatArray]:
@@ -78,8 +111,8 @@ def inexact_columns(trial: CellTrial, effects: Sequence[FloatArray]) -> FloatArr
                 done = np.cumsum(np.abs(mine) * trial.counts[inside])
                 u = 2.0 * done / max(float(done[-1]), 1e-300) - 1.0
                 at_once = mine[np.argmax(np.abs(mine))] * np.exp((t[0] - t) / SETTLES_S)
-                smooth = (mine, mine * u, mine * (1.5 * u**2 - 0.5))
-                columns[-1][inside] = np.column_stack((*smooth, at_once))
+                orders = mine[:, None] * legvander(u, SMOOTH + ROUGHER - 1)
+                columns[-1][inside] = np.column_stack((orders[:, :SMOOTH], at_once, orders[:, SMOOTH:]))
     return np.hstack(columns)
 
 

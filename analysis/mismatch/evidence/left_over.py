@@ -1,10 +1,11 @@
-"""What laws leave by being off, and whether another effect is more than that."""
+"""What effects leave by being off, and whether another is more than that."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
 from analysis.mismatch.evidence.account import Account
+from analysis.mismatch.evidence.inexactness import inexact_names
 from analysis.mismatch.levels import (
     ENOUGH_SHARED,
     FEWEST_HELD_OUT,
@@ -19,24 +20,25 @@ from analysis.mismatch.levels import (
 def left_over(account: Account, explained: float, adds: Mapping[str, float]) -> tuple[float, float]:
     """Return the nats that an account's effects, which explain so many, leave by being inexact: to laws, and to others.
 
-    Of few trials none can say how. What comes in each trial anew has no shapes for what it may do besides. It leaves
-    something else in each of n trials: a law, the same in all, gains of that what it would in one of them. Laws that
-    are off by a third in what was foreseen are so in what was not.
+    Of few trials none can say how. Effects that are off by a third in what was foreseen are so in what was not. A
+    rhythm has no shapes for what it may do besides. It leaves something else in each of n trials: a law, the same in
+    all, gains of that what it would in one of them.
     """
     n = len(account.fit.trials)
     if n < FEWEST_HELD_OUT:
         return ROUGH**2 * explained, ROUGH**2 * explained
-    own = min(sum(adds.get(name, explained) for name in account.steps), explained)
-    of_laws = (UNFORESEEN * max(account.inexact, INEXACT)) ** 2 * (explained - own)
-    return of_laws + INEXACT**2 * own / n, of_laws + INEXACT**2 * own
+    rhythms = {r.effect for s in account.fit.states for r in s.rhythms}
+    own = min(sum(adds.get(name, explained) for name in rhythms), explained)
+    others = (UNFORESEEN * max(account.inexact, INEXACT)) ** 2 * (explained - own)
+    return others + INEXACT**2 * own / n, others + INEXACT**2 * own
 
 
 def explains_itself(account: Account, before: Account, gain: float, asked: float) -> bool:
     """Return whether what an account gains over the one before is not just what laws may be off by.
 
-    The laws before it are granted to be as much off without it as with it. The first law is to be nearly right itself.
+    Those before it are granted to be as much off without it as with it. The first is to be nearly right itself.
     """
-    if not before.fit.shared.laws or len(account.fit.trials) < FEWEST_HELD_OUT:
+    if not inexact_names(before.fit) or len(account.fit.trials) < FEWEST_HELD_OUT:
         return gain - max(account.granted - before.granted, 0.0) >= KEPT * gain
     share = max(account.rough.inexact, before.rough.inexact)
     return account.rough.off_by(share).gain_over(before.rough.off_by(share))[0] >= asked

@@ -107,7 +107,7 @@ def weighed(
     for r in rivals:
         if r.name == mechanism.name or r.name in present or r.name not in library():
             continue
-        if r.at_bound:
+        if r.is_another:
             continue
         lead, error = own.account.gain_over(r.account)
         logits[r.name] = -max(lead - INEXACT * own.gain, 0.0) / temperature

@@ -20,6 +20,7 @@ from analysis.mismatch.levels import (
     INEXACT,
     KEPT,
     MOST_EFFECTS,
+    SMALL_SHARE,
     SURE,
     TWO_ERRORS,
 )
@@ -37,7 +38,8 @@ from analysis.simulation.mechanism import library
 class Rival:
     """An effect that was refitted at one step: evidence in nats over the account before, and its paired error.
 
-    ``left`` are the nats that the laws before it leave over by being inexact.
+    ``left`` are the nats that the laws before it leave over by being inexact, ``off`` what part of all that its account
+    explains comes of granting that effects are off.
     """
 
     name: str
@@ -45,11 +47,13 @@ class Rival:
     error: float
     account: Account
     left: float = 0.0
+    off: float = 0.0
 
     @property
-    def at_bound(self) -> bool:
-        """Whether its law ended where it is no longer what the textbook says."""
-        return any(at_bound(law) for law in self.account.fit.shared.laws if law.name == self.name)
+    def is_another(self) -> bool:
+        """Whether it is no longer what the textbook says: its law ended elsewhere, or it had to be off by too much."""
+        laws = self.account.fit.shared.laws
+        return self.off > SMALL_SHARE or any(at_bound(law) for law in laws if law.name == self.name)
 
     def as_good_as(self, other: Rival) -> bool:
         """Whether another leads by no more than paired errors, or than laws are right to."""
@@ -80,8 +84,9 @@ def search(account: Account) -> Named:
         best, before = step[0], account
         rivals = {name: instead(found, step) for name, found in rivals.items()} | {best.name: step}
         account, adds = pruned(begun_again(best.account.settled(), best.name, start), best, start)
-        if best.name not in account.names and account.nats < before.nats + ENOUGH_SHARED:
-            # it is not needed, and led nowhere
+        led = ENOUGH_SHARED if best.name not in account.names else 0.0
+        if account.nats < before.nats + led:
+            # it is not needed, or led nowhere
             account = max(account, before, key=lambda a: a.nats)
             break
     account, rivals, adds = one_for_two(account, start, rivals, adds)
@@ -218,7 +223,8 @@ def as_rival(
         return []
     if not all(size_is_told(refitted, law) for law in refitted.fit.shared.laws if law.name == name):
         return []
-    return [Rival(name, gain, error, refitted.let_go(), left)]
+    off = refitted.granted / max(refitted.gain_over(nothing)[0], 1e-12)
+    return [Rival(name, gain, error, refitted.let_go(), left, off)]
 
 
 def stands_for_shape(without: Account, gain: float) -> bool:
@@ -256,12 +262,9 @@ def instead(step: tuple[Rival, ...], after: tuple[Rival, ...]) -> tuple[Rival, .
 
 
 def best_first(found: Sequence[Rival]) -> tuple[Rival, ...]:
-    """Return rivals by what they gain; a law at the end of its range makes way for one that explains as much within it.
-
-    There it is another law, which the library has not.
-    """
+    """Return rivals by what they gain; what is none that the library has makes way for one that explains as much."""
     listed = sorted(found, key=lambda r: -r.gain)
-    first = next((r for r in listed if not r.at_bound and r.as_good_as(listed[0])), None)
+    first = next((r for r in listed if not r.is_another and r.as_good_as(listed[0])), None)
     return tuple(sorted(listed, key=lambda r: r is not first))
 
 
@@ -277,12 +280,14 @@ def pruned(account: Account, newest: Rival, nothing: Account) -> tuple[Account, 
     """
     adds = {newest.name: newest.gain}
     for name in (*(n for n in account.names if n != newest.name), newest.name):
-        if len(account.names) == 1:
+        if len(account.names) < 2:
             break
         without, anew = account.without(name).reweighed(), name in account.steps
         enough = ENOUGH_OWN if anew else ENOUGH_SHARED
         if account.gain_over(without)[0] < enough / INEXACT:
             without = without.settled()
+        # led astray by what is missing, the others may predict worse than nothing
+        without = max(without, nothing, key=lambda a: a.nats)
         if name != newest.name and anew:
             account = _better(account, own_options(without.quick(), name))
         elif name != newest.name:

@@ -11,10 +11,16 @@ import pytest
 from analysis.errors import BadInputError
 from analysis.mismatch.diagnosis import Diagnosis, diagnose
 from analysis.mismatch.evidence.account import Account
-from analysis.mismatch.evidence.inexactness import law_effects, sample_columns
-from analysis.mismatch.fit.baseline import noise_left
+from analysis.mismatch.evidence.inexactness import (
+    inexact_columns,
+    inexact_precision,
+    law_effects,
+    sample_columns,
+)
+from analysis.mismatch.fit.baseline import fit_baseline, noise_left
 from analysis.mismatch.fit.noise import FASTEST_SLOW_S
 from analysis.mismatch.fit.slow_noise import change_in_a_second
+from analysis.mismatch.levels import INEXACT
 from analysis.mismatch.model.dictionary import templates
 from analysis.mismatch.name.event_scan import at_rest, candidate_times, within
 from analysis.mismatch.name.finding import weighed
@@ -173,6 +179,21 @@ def test_a_law_that_acts_a_little_late_is_expected_to(rubbing: Diagnosis) -> Non
     of_it = np.linalg.lstsq(columns, late, rcond=None)[0]
     assert np.linalg.norm(late - columns @ of_it) < 0.2 * np.linalg.norm(late)
     assert np.all(np.abs(of_it) < 0.3e-3 * trial.sample_rate_hz)
+
+
+def test_a_law_may_go_another_way_in_waves_by_a_third_of_what_it_is_off() -> None:
+    """A tissue that stiffens as exp(d) is no 1 + b d: in the ramp its force waves by a few per cent about that."""
+    fit = fit_baseline(take_in_memory(_study()).trials)
+    trial = fit.trials[-1]
+    ramp = trial.in_phase("ramp")
+    d = np.clip((trial.position_mm - trial.position_mm[ramp][0]) / np.ptp(trial.position_mm[ramp]), 0.0, 1.0)
+    effect = 60.0 * d**2
+    waves = 0.03 * effect * np.cos(4.0 * np.pi * d) * ramp
+    columns, precision = inexact_columns(trial, [effect]), inexact_precision(INEXACT, 1)
+    H = columns.T @ (columns * trial.counts[:, None]) + 0.2**2 * np.diag(precision)
+    of_it = np.linalg.solve(H, columns.T @ (trial.counts * waves))
+    assert np.linalg.norm(waves - columns @ of_it) < 0.25 * np.linalg.norm(waves)
+    assert np.all(np.abs(of_it) * np.sqrt(precision) < 2.0)
 
 
 def test_what_a_law_leaves_over_is_no_slow_noise(rubbing: Diagnosis) -> None:

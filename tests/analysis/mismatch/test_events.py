@@ -18,6 +18,7 @@ from analysis.mismatch.name.events import EVENTS, SETTLES_S, SHIFTS_S, bent_shap
 from analysis.mismatch.name.options import own_options
 from analysis.mismatch.name.oscillations import OscillationScan, with_oscillation
 from analysis.mismatch.name.own_sizes import own_sizes
+from analysis.mismatch.name.search import considered
 from analysis.mismatch.study.intake import take_in_memory
 from analysis.recordings.trial import Trial
 from analysis.simulation.mechanism import library
@@ -138,9 +139,51 @@ def test_a_shift_that_took_the_skin_off_a_dwelling_punch_is_found(record: Callab
     assert list(scan.probability > 0.5) == [True, False, False, False]
     assert scan.times_s[0] == pytest.approx(at_s, abs=0.03)
     found = with_events(quick, scan).with_states().states[0]
-    # the step, and what of it came by and by
-    assert found.coefficients[: 1 + len(SETTLES_S)].sum() == pytest.approx(-0.030, rel=0.05)
+    # the step, and what of it came by and by; how far it swung at first is not its size
+    size, _, *creeps = found.coefficients[: 1 + len(SETTLES_S)]
+    assert size + sum(creeps) == pytest.approx(-0.030, rel=0.05)
     assert found.z0_mm == pytest.approx(pressed.z0_mm, abs=1e-3)
+
+
+def test_how_far_a_shift_swings_at_first_is_not_its_size(record: Callable[..., list[Trial]]) -> None:
+    """Skin is soft: it goes an eighth too far, and comes back within a tenth of a second."""
+    fit = fit_baseline(take_in_memory(record(53, plans=study_plans(depths_mm=(0.6,), repeats=3))).trials)
+    swung = []
+    for trial, state in zip(fit.trials, fit.states, strict=True):
+        u = (trial.time_s - float(np.median(trial.time_s[trial.in_phase("hold")]))) / 0.015
+        surface_mm = 0.016 * (0.5 * (1.0 + np.tanh(u / 2.0)) + 0.125 * np.exp(-0.5 * ((u - 4.0) / 2.0) ** 2))
+        changed_mn = simulate(trial, state, fit.shared, {"surface": surface_mm})
+        changed_mn -= simulate(trial, state, fit.shared, {})
+        swung.append(replace(trial, force_mn=trial.force_mn + changed_mn))
+    bent = replace(fit, trials=tuple(swung)).with_population()
+    (scan,) = scan_events(bent, [next(e for e in EVENTS if e.name == "motion_artefact")])
+    there = with_events(bent, scan).with_population()
+    assert [s.coefficients[0] for s in there.states] == pytest.approx([0.016] * 3, rel=0.08)
+
+
+def test_a_slip_that_is_off_as_it_ends_is_no_friction(record: Callable[..., list[Trial]]) -> None:
+    """Of a drop that is larger as the punch lifts off, by a half and in waves; H0: no law explains what that leaves."""
+    plans = study_plans(depths_mm=(0.4, 0.7), repeats=4, hold_s=3.0, dwell_s=0.4)
+    fit = fit_baseline(take_in_memory(record(55, plans=plans)).trials)
+    random = np.random.default_rng(55)
+    slipped = []
+    for trial, state in zip(fit.trials, fit.states, strict=True):
+        hold_s, end_s = trial.time_s[trial.in_phase("hold")][[0, -1]]
+        step = step_shape(trial, random.uniform(hold_s + 0.5, end_s - 0.5), 0.004)
+        contact_mn = simulate(trial, replace(state, offset_mn=0.0), fit.shared)
+        held_mn = float(np.median(contact_mn[trial.in_phase("hold")]))
+        u = np.clip((trial.time_s - end_s) / 0.15, 0.0, 1.0)
+        lost_mn = 4.0 * step * contact_mn / held_mn * (1.0 + 0.5 * np.sin(3.0 * np.pi * u))
+        full_mn = trial.full_force_mn - np.interp(trial.full_time_s, trial.time_s, lost_mn)
+        slipped.append(
+            replace(trial, force_mn=trial.force_mn - lost_mn, full_force_mn=full_mn.astype(np.float32))
+        )
+    nothing = Account(replace(fit, trials=tuple(slipped)).with_population()).reweighed()
+    (step, *_) = considered(nothing, nothing, {})
+    assert step.name == "slip"
+    account = step.account.settled()
+    assert account.granted > 0.0
+    assert not considered(account, nothing, {})
 
 
 def test_a_shift_is_found_beside_a_breath_where_skin_clings(record: Callable[..., list[Trial]]) -> None:

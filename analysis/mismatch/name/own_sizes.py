@@ -34,7 +34,7 @@ class Quantity:
 
 @dataclass(frozen=True, slots=True)
 class WouldDo:
-    """The frequencies at which a slow rhythm would do as well, each trial's its own about the median; Hz."""
+    """The frequencies at which a rhythm would do as well, each trial's its own about the median; Hz."""
 
     lowest_hz: float
     highest_hz: float
@@ -51,16 +51,18 @@ class WouldDo:
 
 
 def would_do(account: Account, mechanism: Mechanism) -> WouldDo | None:
-    """Return the frequencies that a slow rhythm may have by its form; None of what is none, or has many cycles.
+    """Return the frequencies that a rhythm may have by its form; None of what is none. One of many cycles has its own.
 
     Its form is right to a tenth: if all trials' frequencies were others by one factor, any would do that explains all
     but a tenth. Of a cycle or so in tissue that takes up what is slow these are many.
     """
     if mechanism.form != "oscillation":
         return None
-    of_trials = [
-        (j, state.shapes, state.shapes.of(mechanism.name)) for j, state in enumerate(account.fit.states)
-    ]
+    states = account.fit.states
+    quick_hz = [r.frequency_hz for s in states for r in s.rhythms if r.effect == mechanism.name]
+    if quick_hz:
+        return WouldDo(float(np.median(quick_hz)), float(np.median(quick_hz)))
+    of_trials = [(j, state.shapes, state.shapes.of(mechanism.name)) for j, state in enumerate(states)]
     slow = [(j, shapes[mine[0]]) for j, shapes, mine in of_trials if mine]
     if not slow:
         return None

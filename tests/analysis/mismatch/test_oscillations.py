@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -289,6 +290,20 @@ def test_a_breath_of_a_cycle_says_little_of_its_frequency(record: Callable[..., 
     assert anywhere.lowest_hz > 0.75 * 0.25
     # a band has cycles enough
     assert would_do(breathing, library()["heartbeat"]) is None
+
+
+@pytest.mark.parametrize(("found_hz", "is_tremor"), [((9.0, 13.0, 16.0), True), ((15.8, 16.2, 16.5), False)])
+def test_what_rings_faster_than_a_hand_trembles_is_no_tremor(
+    found_hz: tuple[float, ...], is_tremor: bool
+) -> None:
+    """Steps on the floor ring at 16 Hz: a band is looked for up to 15 Hz, and tuned further than that."""
+    trials = [
+        SimpleNamespace(rhythms=(SimpleNamespace(effect="tremor", frequency_hz=hz),)) for hz in found_hz
+    ]
+    account = cast(Account, SimpleNamespace(fit=SimpleNamespace(states=trials)))
+    anywhere = would_do(account, library()["tremor"])
+    assert anywhere is not None
+    assert anywhere.may_be(library()["tremor"]) is is_tremor
 
 
 def test_what_turns_slower_than_a_breath_is_none(record: Callable[..., list[Trial]]) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.settled import settled_columns
-from analysis.mismatch.levels import CLOSE, FEWEST_HELD_OUT, REFITTED
+from analysis.mismatch.levels import CLOSE, FEWEST_HELD_OUT, REFITTED, SURE
 from analysis.mismatch.model.dictionary import templates
 from analysis.mismatch.name.options import Option, law_options, own_options
 
@@ -49,13 +49,13 @@ def worth_trying(
     # columns of all trials fill memory
     del settled
     few = len(account.fit.trials) < FEWEST_HELD_OUT
-    worth = [promising(some, CLOSE * left[0], few) for some in listed]
+    worth = [promising(some, CLOSE * SURE * left[0], few) for some in listed]
     # a line drawn beside noise that took the mismatch up says little of how much there is
     taken_up = frozenset(o.name for o in worth[0]) if quick is not account else frozenset()
     signs = {o.name: o.nats for o in listed[0]}
     if among is None:
         listed.append(own_options(quick))
-        worth.append(promising(listed[-1], CLOSE * left[1], few))
+        worth.append(promising(listed[-1], CLOSE * SURE * left[1], few))
         for looks_like in worth[-1]:
             same = [looks_like] if quick is account else own_options(account, looks_like.name)
             signs |= {o.name: o.nats for o in same}

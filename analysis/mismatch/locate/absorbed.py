@@ -19,11 +19,10 @@ HARDLY_SEEN = 5.0
 
 @dataclass(frozen=True)
 class Absorbed:
-    """A mechanism this data can't see: what share of its signature is left, and what it would do to the tissue."""
+    """A mechanism this data can't see, and what it would do to the tissue."""
 
     mechanism: Mechanism
     values: Values
-    share_left: float
     shift_percent: dict[str, float]
 
 
@@ -60,7 +59,7 @@ def find_absorbed(fit: StudyFit) -> tuple[Absorbed, ...]:
             continue
         shift = {n: 100.0 * float(m) for n, m in zip(TISSUE_NAMES, mean, strict=True)}
         values = {**template.mechanism.null, **template.mechanism.typical}
-        found.append(Absorbed(template.mechanism, values, left / whole, shift))
+        found.append(Absorbed(template.mechanism, values, shift))
     return tuple(found)
 
 

@@ -10,11 +10,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.arms import weakest_apart
 from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.fit.start import longest_s
 from analysis.mismatch.model.effects import Law, Shared, simulate
 from analysis.mismatch.model.population import Population
+from analysis.mismatch.name.search import considered
 from analysis.mismatch.study.intake import take_in_memory
 from analysis.recordings.trial import Trial
 from analysis.simulation.mechanism import Tissue, library
@@ -71,3 +73,30 @@ def test_the_weakest_arm_is_the_third_and_explains_as_much(record: Callable[...,
     assert exchanged.left_mn < 1e-3 * np.ptp(trials[0].force_mn)
     # there it stays
     assert weakest_apart(exchanged, law) is None
+
+
+def test_a_third_arm_differs_between_sites_and_leaves_no_breath(record: Callable[..., list[Trial]]) -> None:
+    """As the other two do, by a tenth in strength and time; H0: nothing is found beside it."""
+    plans = study_plans(depths_mm=(0.4, 0.7), repeats=6, hold_s=6.0, dwell_s=0.4)
+    quiet = "[noise]\nforce_mn_rms = 0.08\n"
+    fit = fit_baseline(take_in_memory(record(51, quiet, plans)).trials)
+    random = np.random.default_rng(51)
+    trials = []
+    for trial, state in zip(fit.trials, fit.states, strict=True):
+        ratio, time_s = 0.15 * np.exp(0.1 * random.normal()), 0.8 * np.exp(0.1 * random.normal())
+        arm = Law(THIRD, {"ratio_to_k0": float(ratio), "time_constant_s": float(time_s)}, FREE)
+        bare = replace(state, offset_mn=0.0)
+        added_mn = simulate(trial, bare, Shared((arm,))) - simulate(trial, bare, Shared())
+        full_mn = trial.full_force_mn + trial.at_samples(added_mn)
+        trials.append(
+            replace(trial, force_mn=trial.force_mn + added_mn, full_force_mn=full_mn.astype(np.float32))
+        )
+    nothing = Account(replace(fit, trials=tuple(trials)).with_population()).reweighed()
+    (third, *_) = considered(nothing, nothing, {})
+    assert third.name == "third_relaxation"
+    account = third.account.settled()
+    (law,) = account.fit.shared.laws
+    assert law.values == pytest.approx({"ratio_to_k0": 0.15, "time_constant_s": 0.8}, rel=0.15)
+    sizes = [s.coefficients[s.shapes.sizes["third_relaxation"]] for s in account.fit.states]
+    assert 0.03 < np.std(sizes) < 0.3
+    assert not considered(account, nothing, {})

@@ -41,7 +41,7 @@ class Account:
     """A fitted simulation; ``steps`` are the kinds of events and oscillations in it, each with its price in nats.
 
     That price is what it takes to have looked for it at every time or frequency. ``inexact`` is the share
-    of their size by which its laws may be off, ``granted`` the nats that this brought.
+    of their size by which its effects may be off, ``granted`` the nats that this brought.
     """
 
     fit: StudyFit
@@ -55,6 +55,11 @@ class Account:
         return (*(law.name for law in self.fit.shared.laws), *self.steps)
 
     @cached_property
+    def may_be_off(self) -> tuple[str, ...]:
+        """Names of the effects that may be granted to be off."""
+        return inexact_names(self.fit)
+
+    @cached_property
     def grams(self) -> Grams:
         """Products of the laws' own columns, of a delay, and of what they may leave over in all trials alike."""
         return gram(self.fit, map(self.columns, range(len(self.fit.trials))), self.precision)
@@ -62,7 +67,7 @@ class Account:
     def columns(self, j: int) -> FloatArray:
         """Return the columns (n, K) of `grams` in the j-th trial in mN, the laws' parameters first."""
         fit = self.fit
-        trial, effects = fit.trials[j], inexact_effects(fit, j)
+        trial, effects = fit.trials[j], inexact_effects(fit, j, self.may_be_off)
         of_laws = [
             law_columns(trial, fit.states[j], fit.shared) * with_room(fit.shared),
             sample_columns(trial, effects),
@@ -72,7 +77,7 @@ class Account:
     @property
     def precision(self) -> FloatArray:
         """What is known (K,) of the coefficients of `columns` before any trial is weighed by them."""
-        n_effects = len(inexact_names(self.fit))
+        n_effects = len(self.may_be_off)
         in_samples = np.ones(n_effects * len(PHASE_NAMES) * MOMENTS)
         known = np.append(known_beforehand(self.fit.shared), in_samples)
         if not self.inexact:
@@ -156,6 +161,10 @@ class Account:
         """The evidence of all trials but for what granting brought that laws may be off."""
         return self.nats - self.granted
 
+    def granted_share(self, nothing: Account) -> float:
+        """Return what part of the evidence over an account without effects comes of granting that these are off."""
+        return self.granted / max(self.gain_over(nothing)[0], 1e-12)
+
     def settled(self) -> Account:
         """Return the account reweighed, or begun anew if it then predicts better by laws that are exact.
 
@@ -194,7 +203,7 @@ class Account:
 
         What laws leave over by being off has passed for slow noise until then, and bent the tissue.
         """
-        if not inexact_names(self.fit) or len(self.fit.trials) < FEWEST_HELD_OUT:
+        if not self.may_be_off or len(self.fit.trials) < FEWEST_HELD_OUT:
             return self
         if self.inexact_to(INEXACT).nats <= self.nats:
             return self

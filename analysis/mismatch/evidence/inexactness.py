@@ -34,7 +34,7 @@ def with_inexactness(fit: StudyFit, share: float) -> StudyFit:
     names = inexact_names(fit)
     states = []
     for j, state in enumerate(fit.states):
-        own = inexact_columns(fit.trials[j], inexact_effects(fit, j))
+        own = inexact_columns(fit.trials[j], inexact_effects(fit, j, names))
         per_effect = PER_PHASE * len(PHASE_NAMES)
         added = [
             OwnShape(names[k // per_effect], "force", own[:, k], share**2, 0.0, INEXACT_KIND)
@@ -58,21 +58,24 @@ def inexact_precision(share: float, n_effects: int) -> FloatArray:
 def inexact_names(fit: StudyFit) -> tuple[str, ...]:
     """Return the names of what is granted to be off: the laws, then what has shapes of its own in some trial.
 
-    A rhythm wanders by itself.
+    A rhythm of many cycles, a band, wanders by itself.
     """
     laws = [law.name for law in fit.shared.laws]
     own = (x.effect for s in fit.states for x in s.shapes if not x.is_number and x.kind != INEXACT_KIND)
     return tuple(dict.fromkeys((*laws, *own)))
 
 
-def inexact_effects(fit: StudyFit, j: int) -> list[FloatArray]:
+def inexact_effects(fit: StudyFit, j: int, names: Sequence[str]) -> list[FloatArray]:
     """Return what each of `inexact_names` changes in the j-th trial's force, (n,) mN each."""
-    trial, state, shared = fit.trials[j], exact_state(fit.states[j]), fit.shared
-    whole = simulate(trial, state, shared)
-    found = law_effects(fit, j)
-    for name in inexact_names(fit)[len(found) :]:
+    found, own = law_effects(fit, j), names[len(fit.shared.laws) :]
+    if not own:
+        return found
+    trial, state = fit.trials[j], exact_state(fit.states[j])
+    whole = simulate(trial, state, fit.shared)
+    for name in own:
         without = state.without(name)
-        found.append(np.zeros_like(whole) if without is state else whole - simulate(trial, without, shared))
+        same = without is state
+        found.append(np.zeros_like(whole) if same else whole - simulate(trial, without, fit.shared))
     return found
 
 
@@ -94,10 +97,10 @@ def law_effects(fit: StudyFit, j: int) -> list[FloatArray]:
 
 
 def inexact_columns(trial: CellTrial, effects: Sequence[FloatArray]) -> FloatArray:
-    """Return what each law may leave over in every phase of a trial (n, D), mN; coefficients about 0.1.
+    """Return what each effect may leave over in every phase of a trial (n, D), mN; coefficients about 0.1.
 
-    Its effect times smooth functions, and a part of it that comes at once when the phase begins: a law that is right to
-    a tenth may act less or more at once. What it so leaves over is expected there, and no evidence for another.
+    Its effect times smooth functions, and a part of it that comes at once when the phase begins: what is right to a
+    tenth may act less or more at once. What it so leaves over is expected there, and no evidence for another.
     """
     columns = [np.zeros((len(trial.time_s), 0))]
     for effect in effects:
@@ -107,7 +110,7 @@ def inexact_columns(trial: CellTrial, effects: Sequence[FloatArray]) -> FloatArr
             columns.append(np.zeros((len(effect), PER_PHASE)))
             if np.count_nonzero(inside) > 1 and float(np.abs(effect[inside]).max()) > least:
                 mine, t = effect[inside], trial.time_s[inside]
-                # over what the law does there, not over time: it may act in a moment of the phase
+                # over what the effect does there, not over time: it may act in a moment of the phase
                 done = np.cumsum(np.abs(mine) * trial.counts[inside])
                 u = 2.0 * done / max(float(done[-1]), 1e-300) - 1.0
                 at_once = mine[np.argmax(np.abs(mine))] * np.exp((t[0] - t) / SETTLES_S)
@@ -117,7 +120,7 @@ def inexact_columns(trial: CellTrial, effects: Sequence[FloatArray]) -> FloatArr
 
 
 def sample_columns(trial: CellTrial, effects: Sequence[FloatArray]) -> FloatArray:
-    """Return what each law leaves over in every phase of a trial by acting through a kernel (n, D), mN.
+    """Return what each effect leaves over in every phase of a trial by acting through a kernel (n, D), mN.
 
     The kernel's first two moments, that of a sample's length each: sooner or later, and less sharply.
     """

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from analysis.mismatch.evidence.account import Account
-from analysis.mismatch.evidence.inexactness import inexact_names
 from analysis.mismatch.levels import (
     ENOUGH_SHARED,
     FEWEST_HELD_OUT,
@@ -20,9 +19,9 @@ from analysis.mismatch.levels import (
 def left_over(account: Account, explained: float, adds: Mapping[str, float]) -> tuple[float, float]:
     """Return the nats that an account's effects, which explain so many, leave by being inexact: to laws, and to others.
 
-    Of few trials none can say how. Effects that are off by a third in what was foreseen are so in what was not. A
-    rhythm has no shapes for what it may do besides. It leaves something else in each of n trials: a law, the same in
-    all, gains of that what it would in one of them.
+    Of few trials none can say how. Effects that are off by a third in what was foreseen are so in what was not. The
+    band of a rhythm has no shapes for what it may do besides. It leaves something else in each of n trials: a law, the
+    same in all, gains of that what it would in one of them.
     """
     n = len(account.fit.trials)
     if n < FEWEST_HELD_OUT:
@@ -38,7 +37,7 @@ def explains_itself(account: Account, before: Account, gain: float, asked: float
 
     Those before it are granted to be as much off without it as with it. The first is to be nearly right itself.
     """
-    if not inexact_names(before.fit) or len(account.fit.trials) < FEWEST_HELD_OUT:
+    if not before.may_be_off or len(account.fit.trials) < FEWEST_HELD_OUT:
         return gain - max(account.granted - before.granted, 0.0) >= KEPT * gain
     share = max(account.rough.inexact, before.rough.inexact)
     return account.rough.off_by(share).gain_over(before.rough.off_by(share))[0] >= asked

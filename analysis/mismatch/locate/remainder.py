@@ -118,12 +118,7 @@ def remainder_of(account: Account, nothing: Account) -> Remainder:
     if trend.significant and trend.evidence > best.evidence:
         explained = max(account.gain_over(nothing)[0], 0.0)
         best = replace(best, share=trend.evidence / (trend.evidence + explained))
-    return replace(best, bursts=bursts, trend=trend, inexact=_granted_share(account, bare))
-
-
-def _granted_share(account: Account, bare: Account) -> float:
-    """Return what part of an account's evidence over a bare one comes of granting that its laws are off."""
-    return account.granted / max(account.gain_over(bare)[0], 1e-12) if account.inexact else 0.0
+    return replace(best, bursts=bursts, trend=trend, inexact=account.granted_share(bare))
 
 
 def find_transients(fit: StudyFit) -> Bursts:

@@ -144,14 +144,14 @@ class TrialState:
 
     def without(self, effect: str) -> TrialState:
         """Return the state without the shapes and rhythms of one effect; itself where it has none."""
-        kept = [k for k, shape in enumerate(self.shapes) if shape.effect != effect]
+        there = self.with_only([k for k, shape in enumerate(self.shapes) if shape.effect != effect])
         rhythms = tuple(r for r in self.rhythms if r.effect != effect)
-        if len(kept) == len(self.shapes) and len(rhythms) == len(self.rhythms):
-            return self
-        return replace(self.with_only(kept), rhythms=rhythms)
+        return there if len(rhythms) == len(self.rhythms) else replace(there, rhythms=rhythms)
 
     def with_only(self, kept: Sequence[int]) -> TrialState:
-        """Return the state with those of its shapes only that stand at the places ``kept``."""
+        """Return the state with those of its shapes only that stand at the places ``kept``; itself with all."""
+        if len(kept) == len(self.shapes):
+            return self
         shapes = OwnShapes(self.shapes[k] for k in kept)
         return replace(self, shapes=shapes, coefficients=self.coefficients[list(kept)])
 

@@ -61,7 +61,8 @@ def would_do(account: Account, mechanism: Mechanism) -> WouldDo | None:
     states = account.fit.states
     quick_hz = [r.frequency_hz for s in states for r in s.rhythms if r.effect == mechanism.name]
     if quick_hz:
-        return WouldDo(float(np.median(quick_hz)), float(np.median(quick_hz)))
+        own_hz = float(np.median(quick_hz))
+        return WouldDo(own_hz, own_hz)
     of_trials = [(j, state.shapes, state.shapes.of(mechanism.name)) for j, state in enumerate(states)]
     slow = [(j, shapes[mine[0]]) for j, shapes, mine in of_trials if mine]
     if not slow:

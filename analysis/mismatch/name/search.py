@@ -38,8 +38,8 @@ from analysis.simulation.mechanism import library
 class Rival:
     """An effect that was refitted at one step: evidence in nats over the account before, and its paired error.
 
-    ``left`` are the nats that the laws before it leave over by being inexact, ``off`` what part of all that its account
-    explains comes of granting that effects are off.
+    ``left`` are the nats that the effects before it leave over by being inexact, ``off`` what part of all that its
+    account explains comes of granting that effects are off.
     """
 
     name: str
@@ -223,8 +223,7 @@ def as_rival(
         return []
     if not all(size_is_told(refitted, law) for law in refitted.fit.shared.laws if law.name == name):
         return []
-    off = refitted.granted / max(refitted.gain_over(nothing)[0], 1e-12)
-    return [Rival(name, gain, error, refitted.let_go(), left, off)]
+    return [Rival(name, gain, error, refitted.let_go(), left, refitted.granted_share(nothing))]
 
 
 def stands_for_shape(without: Account, gain: float) -> bool:

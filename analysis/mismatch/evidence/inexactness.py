@@ -37,7 +37,8 @@ def with_inexactness(fit: StudyFit, share: float) -> StudyFit:
         own = inexact_columns(fit.trials[j], inexact_effects(fit, j, names))
         per_effect = PER_PHASE * len(PHASE_NAMES)
         added = [
-            OwnShape(names[k // per_effect], "force", own[:, k], share**2, 0.0, INEXACT_KIND)
+            # by itself: a column of a matrix would keep all of it, and most of it is not each trial's own
+            OwnShape(names[k // per_effect], "force", own[:, k].copy(), share**2, 0.0, INEXACT_KIND)
             for k in range(own.shape[1])
             if np.any(own[:, k]) and k % PER_PHASE < IN_TRIAL
         ]

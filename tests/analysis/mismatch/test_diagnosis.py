@@ -12,10 +12,12 @@ from analysis.errors import BadInputError
 from analysis.mismatch.diagnosis import Diagnosis, diagnose
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.evidence.inexactness import (
+    INEXACT_KIND,
     inexact_columns,
     inexact_precision,
     law_effects,
     sample_columns,
+    with_inexactness,
 )
 from analysis.mismatch.fit.baseline import fit_baseline, noise_left
 from analysis.mismatch.fit.noise import FASTEST_SLOW_S
@@ -194,6 +196,13 @@ def test_a_law_may_go_another_way_in_waves_by_a_third_of_what_it_is_off() -> Non
     of_it = np.linalg.solve(H, columns.T @ (trial.counts * waves))
     assert np.linalg.norm(waves - columns @ of_it) < 0.25 * np.linalg.norm(waves)
     assert np.all(np.abs(of_it) * np.sqrt(precision) < 2.0)
+
+
+def test_what_a_trial_s_law_may_be_off_by_holds_no_more_than_itself(rubbing: Diagnosis) -> None:
+    fit = with_inexactness(rubbing.improved.exact.fit, INEXACT)
+    own = [shape.shape for state in fit.states for shape in state.shapes if shape.kind == INEXACT_KIND]
+    assert own
+    assert all(shape.base is None for shape in own)
 
 
 def test_what_a_law_leaves_over_is_no_slow_noise(rubbing: Diagnosis) -> None:

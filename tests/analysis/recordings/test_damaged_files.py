@@ -6,6 +6,7 @@ import random
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 
 from analysis.errors import BadInputError
@@ -107,15 +108,20 @@ def test_files_of_noise(tmp_path):
                 read_trial(tmp_path / "t.h5")
 
 
-def test_a_file_on_which_the_reader_dies_is_one_line(tmp_path, monkeypatch, foreign_file):
-    monkeypatch.setattr(probing, "_READ_S", 0.0)
-    monkeypatch.setattr(probing, "_READ_S_PER_BYTE", 0.0)
+@pytest.mark.parametrize("ends", ["suspend", "kill"])
+def test_a_file_on_which_the_reader_dies_is_one_line(tmp_path, monkeypatch, foreign_file, ends):
+    """Whether it hangs on the file or is gone; the next file has a new process."""
     path = foreign_file()
     probe = probing.Probe()
+    probe.check(path)
+    reader = psutil.Process(probe._child.pid)
+    getattr(reader, ends)()
+    monkeypatch.setattr(probing, "_READ_S", 0.05)
     with pytest.raises(BadInputError, match="crashes or hangs"):
         probe.check(path)
+    assert not reader.is_running()
     monkeypatch.undo()
-    probe.check(path)  # the next file has a new process
+    probe.check(path)
 
 
 @pytest.mark.slow

@@ -191,9 +191,9 @@ class Account:
 
     def weighed_anew(self) -> Account:
         """Return the account, its laws taken as exact, with the noise measured anew from what they leave."""
-        exact = self.exact
-        exact = exact.at_noise(noise_left(exact.fit))
-        if self.steps:
+        before = self.exact
+        exact = before.at_noise(noise_left(before.fit))
+        if self.steps and before.quick() is before:
             # fitted where no slow noise was granted, what comes in each trial anew has taken some of it up
             exact = max(exact, exact.at_noise(noise_left(exact.fit)), key=lambda a: a.nats)
         return exact

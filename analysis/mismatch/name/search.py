@@ -180,8 +180,9 @@ def considered(
         if not few and name not in tries.taken_up and tries.largest[name] < CLOSE * best:
             continue
         refitted = added(options, account)
-        # nor are its laws granted to be off, where no more than half of a gain may come of that
-        if not few and refitted.nats - account.of_exact_laws < KEPT * CLOSE * best:
+        # nor are its laws granted to be off, where no more than half of a gain may come of that, nor what is nothing
+        little = not few and refitted.nats - account.of_exact_laws < KEPT * CLOSE * best
+        if little or is_nothing(refitted, name):
             continue
         refitted = refitted.granting()
         if not is_nothing(refitted, name):

@@ -10,6 +10,7 @@ from typing import cast
 import numpy as np
 import pytest
 
+from analysis.mismatch.evidence import account as evidence_account
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.evidence.left_over import explains_itself, frees, left_over, mends
 from analysis.mismatch.fit.baseline import fit_baseline
@@ -25,6 +26,7 @@ from analysis.mismatch.name.search import (
     Rival,
     begun_again,
     best_first,
+    considered,
     instead,
     pruned,
     stands_for_shape,
@@ -196,6 +198,47 @@ def test_half_of_what_is_enough_must_be_left_beside_the_noise(
 
     assert not tried(12.0)
     assert tried(13.0)
+
+
+def test_what_was_fitted_without_slow_noise_is_weighed_twice(
+    monkeypatch: pytest.MonkeyPatch, record: Callable[..., list[Trial]]
+) -> None:
+    """What comes in each trial anew has taken some of it up there, and nowhere else."""
+    wandering = "[noise]\nforce_mn_rms = 0.2\nwander_mn_rms = 0.6\nwander_time_s = 1.0\n"
+    beside = replace(Account(fit_baseline(take_in_memory(record(57, wandering)).trials)), steps={"slip": 5.0})
+    measured: list[StudyFit] = []
+
+    def noise_left(fit: StudyFit) -> NoiseModel:
+        measured.append(fit)
+        return beside.fit.noise
+
+    monkeypatch.setattr(evidence_account, "noise_left", noise_left)
+    beside.weighed_anew()
+    assert len(measured) == 1
+    beside.quick().weighed_anew()
+    assert len(measured) == 3
+
+
+def test_what_is_nothing_is_not_granted_to_be_off(
+    monkeypatch: pytest.MonkeyPatch, record: Callable[..., list[Trial]]
+) -> None:
+    account = Account(fit_baseline(take_in_memory(record(57, "")).trials))
+    breath = Option("respiration", 900.0, 25.0, account, lambda same: same)
+    granted: list[Account] = []
+
+    def granting(account: Account) -> Account:
+        granted.append(account)
+        return account
+
+    monkeypatch.setattr(
+        search, "worth_trying", lambda *_: tries.Tries({"respiration": [breath]}, {"respiration": 900.0})
+    )
+    monkeypatch.setattr(search, "added", lambda *_: replace(account, granted=-900.0))
+    monkeypatch.setattr(Account, "granting", granting)
+    for nothing in (True, False):
+        monkeypatch.setattr(search, "is_nothing", lambda *_, found=nothing: found)
+        assert not considered(account, account, {})
+        assert bool(granted) is not nothing
 
 
 def test_what_says_more_than_an_effect_that_shows_is_tried_beside_it(

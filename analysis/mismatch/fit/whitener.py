@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -108,7 +108,7 @@ class Whitener:
             f = rhythm.force_mn[self._use]
             diagonal = diagonal + np.sum(f**2, axis=1)
             U, V = np.hstack([U, f]), np.hstack([V, f])
-            tau_s = np.append(tau_s, np.full(f.shape[1], rhythm.coherent_s))
+            tau_s = np.append(tau_s, rhythm.waves_coherent_s)
         steps = trial.steps if use.all() else Steps.between(trial.time_s[use])
         decay = np.exp(-steps.lengths_s[:, None] / tau_s)[steps.index]
         d, W = _factored(decay, diagonal, U, V)
@@ -149,11 +149,10 @@ class Whitener:
         found = []
         for rhythm in self._rhythms:
             y = rhythm.force_mn * pull
-            one, rate_hz = np.ones((len(y), 1)), np.array([1.0 / rhythm.coherent_s])
-            lower, upper = np.zeros_like(y), np.zeros_like(y)
-            driver.matmul_lower(self._time_s, rate_hz, one, one, y, lower)
-            driver.matmul_upper(self._time_s, rate_hz, one, one, y, upper)
-            found.append(y + lower + upper)
+            before, after = (
+                _remembered(self._time_s, rhythm, y, of) for of in (driver.matmul_lower, driver.matmul_upper)
+            )
+            found.append(y + before + after)
         return found
 
     def left_open(self, random: np.random.Generator) -> list[FloatArray]:
@@ -190,12 +189,21 @@ def _drawn_amplitudes(trial: CellTrial, rhythm: Rhythm, random: np.random.Genera
     """Return amplitudes (n, K) of a rhythm as they are distributed before a trial is seen."""
     _, d = _innovations(trial, rhythm)
     y = np.sqrt(d) * random.standard_normal(rhythm.force_mn.shape)
-    one, rate_hz = np.ones((len(y), 1)), np.array([1.0 / rhythm.coherent_s])
-    driver.matmul_lower(np.ascontiguousarray(trial.time_s), rate_hz, one, one, y.copy(), y)
-    return np.asarray(y)
+    return y + _remembered(np.ascontiguousarray(trial.time_s), rhythm, y, driver.matmul_lower)
 
 
 def _innovations(trial: CellTrial, rhythm: Rhythm) -> tuple[FloatArray, FloatArray]:
-    """Return what of an amplitude lasts from cell to cell (n - 1, 1), and the variance (n, 1) of what is new."""
-    decay = np.exp(-np.diff(trial.time_s) / rhythm.coherent_s)[:, None]
-    return decay, np.vstack([np.ones((1, 1)), 1.0 - decay**2])
+    """Return what of each amplitude lasts from cell to cell (n - 1, K), and the variance (n, K) of what is new."""
+    decay = np.exp(-np.diff(trial.time_s)[:, None] / rhythm.waves_coherent_s)
+    return decay, np.vstack([np.ones((1, decay.shape[1])), 1.0 - decay**2])
+
+
+def _remembered(time_s: FloatArray, rhythm: Rhythm, y: FloatArray, of: Callable[..., object]) -> FloatArray:
+    """Return what each amplitude (n, K) remembers of the cells before or after it, ``of`` celerite2's driver."""
+    one, found = np.ones((len(y), 1)), np.zeros_like(y)
+    for coherent_s in np.unique(rhythm.waves_coherent_s):
+        waves = rhythm.waves_coherent_s == coherent_s
+        of_them = np.zeros((len(y), np.count_nonzero(waves)))
+        of(time_s, np.array([1.0 / coherent_s]), one, one, np.ascontiguousarray(y[:, waves]), of_them)
+        found[:, waves] = of_them
+    return found

@@ -16,16 +16,17 @@ HIGHEST_HZ = 15.0
 CYCLES = 1.25
 """No rhythm changes within a cycle or so."""
 OVERTONES = {2: 0.3, 3: 0.15, 4: 0.1, 5: 0.07, 6: 0.05}
-"""A body's rhythm is no sine: it has overtones of some such shares of its size, no steadier than itself."""
+"""A body's rhythm is no sine: it has overtones of some such shares of its size."""
 
 
 @dataclass(frozen=True)
 class Rhythm:
     """A surface that oscillates in one trial, s = sum_k A_k(t) w_k(t), ``waves`` (n, K) the w of its frequency.
 
-    The A_k are Ornstein-Uhlenbeck processes of variance ``size_mm``^2 that forget themselves in T = ``coherent_s``: a
-    Lorentzian band about the frequency, its phase free. They are no parameters: the covariance of the force that they
-    make is part of the noise that cells are weighed by, and what they came to is read from the residual.
+    The A_k are Ornstein-Uhlenbeck processes of variance ``size_mm``^2. Those of the frequency itself forget themselves
+    in T = ``coherent_s``, a Lorentzian band about it, the phase free; overtones sooner. They are no parameters: the
+    covariance of the force that they make is part of the noise that cells are weighed by, and what they came to is read
+    from the residual.
 
     ``force_mn`` (n, K) is the change of force by each w_k times ``size_mm``, in a line about where the surface was
     found: ``found_mm`` (n,), by ``amplitudes`` (n, K) in units of the size. ``bent_mn`` (n,) is what the surface makes
@@ -50,6 +51,16 @@ class Rhythm:
     def line_mn(self, amplitudes: FloatArray) -> FloatArray:
         """Return what the line makes of amplitudes (n, K), (n,)."""
         return np.asarray(np.sum(self.force_mn * amplitudes, axis=1))
+
+    @property
+    def waves_coherent_s(self) -> FloatArray:
+        """For how long each wave (2N,) keeps its phase and size, s; none changes within a cycle or so.
+
+        A rhythm a little off its frequency has its n-th overtone off by n times as much: its band is n times as wide.
+        """
+        number = np.array(list(overtones(self.frequency_hz)))
+        own_s = np.maximum(self.coherent_s / number, CYCLES / (number * self.frequency_hz))
+        return np.repeat(own_s, 2)
 
     @property
     def is_nothing(self) -> bool:

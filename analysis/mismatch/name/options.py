@@ -32,8 +32,6 @@ from analysis.mismatch.name.oscillations import OscillationScan, scan_oscillatio
 
 FloatArray = NDArray[np.float64]
 
-NAMELESS = "oscillation"
-"""An oscillation in no band of the library."""
 TIMES_LOOKED_AT = 70
 FIRST_ROUNDS = 5
 
@@ -175,10 +173,9 @@ def own_options(account: Account, only: str = "") -> list[Option]:
     ]
     if any(e.name == only for e in EVENTS):
         return options
-    scan = scan_oscillations(account.fit)
-    name = scan.name or NAMELESS
-    if name not in account.steps and only in ("", name):
-        options.append(Option(name, scan.evidence, ENOUGH_OWN, account, _oscillation_refit(scan, name)))
+    scan = scan_oscillations(account.fit, only)
+    if scan.name not in account.steps and scan.size_mm > 0.0:
+        options.append(Option(scan.name, scan.evidence, ENOUGH_OWN, account, _oscillation_refit(scan)))
     return options
 
 
@@ -197,12 +194,14 @@ def _event_refit(scan: EventScan) -> Callable[[Account], Account]:
     return refit
 
 
-def _oscillation_refit(scan: OscillationScan, name: str) -> Callable[[Account], Account]:
+def _oscillation_refit(scan: OscillationScan) -> Callable[[Account], Account]:
+    name = scan.name
+
     def refit(account: Account) -> Account:
         exact, laws = account.exact, account.fit.shared.laws
         added = replace(
             exact,
-            fit=with_oscillation(exact.fit, scan, name),
+            fit=with_oscillation(exact.fit, scan),
             steps={**account.steps, name: float(np.log(max(len(scan.grid_hz), 1)))},
         ).with_laws(laws)
         if not any(r.effect == name for s in added.fit.states for r in s.rhythms):

@@ -33,6 +33,8 @@ WANDERS = 0.06
 SIZES = np.geomspace(3.0, 3e3, 9)
 UNKNOWN_SIZE = 1.5
 HARMONIC, WANDERING = "harmonic", "wandering"
+NAMELESS = "oscillation"
+"""An oscillation in no band of the library."""
 TUNED, TUNED_SHARE = 25, 0.15
 """Frequencies tried about a scanned one, no further away than this share of it and what a body's differ by."""
 
@@ -72,13 +74,13 @@ def hat_waves(trial: CellTrial, frequency_hz: float, number: int = 1) -> FloatAr
 
 
 def name_of(frequency_hz: float) -> str:
-    """Return the mechanism whose band holds a frequency; empty where the library has none."""
+    """Return the mechanism whose band holds a frequency; `NAMELESS` where the library has none."""
     for m in library().values():
         if m.form == "oscillation" and m.needs_contact:
             lowest_hz, highest_hz = band_hz(m)
             if lowest_hz <= frequency_hz <= highest_hz:
                 return m.name
-    return ""
+    return NAMELESS
 
 
 def band_hz(mechanism: Mechanism) -> tuple[float, float]:
@@ -96,11 +98,16 @@ def frequency_grid(length_s: float, highest_hz: float = HIGHEST_HZ) -> FloatArra
     return np.array(found)
 
 
-def scan_oscillations(fit: StudyFit) -> OscillationScan:
-    """Weigh a surface that oscillates at every frequency, amplitudes integrated out."""
+def scan_oscillations(fit: StudyFit, only: str = "") -> OscillationScan:
+    """Weigh a surface that oscillates at every frequency, or in the band of what is called ``only``, amplitudes
+    integrated out.
+
+    The price of a frequency is that of all, as any might have been found.
+    """
     skin = _on_skin(fit)
-    grid = frequency_grid(_length_s(fit), _highest_hz(fit)) if skin else np.zeros(0)
-    nothing = OscillationScan(-np.inf, 0.0, 0.0, "", grid)
+    every = frequency_grid(_length_s(fit), _highest_hz(fit)) if skin else np.zeros(0)
+    grid = np.array([f for f in every if only in ("", name_of(f))])
+    nothing = OscillationScan(-np.inf, 0.0, 0.0, only, every)
     if not len(grid):
         return nothing
     energies: list[list[tuple[FloatArray, FloatArray]]] = []
@@ -126,7 +133,7 @@ def scan_oscillations(fit: StudyFit) -> OscillationScan:
         for k, f in enumerate(grid):
             near = np.flatnonzero(np.abs(grid - f) <= WANDERS * f + 1e-9)
             profile[k] = float((logsumexp(ratio[:, near], axis=1) - np.log(len(near))).sum())
-        whole = float(logsumexp(profile) - np.log(len(grid))) - UNKNOWN_SIZE
+        whole = float(logsumexp(profile) - np.log(len(every))) - UNKNOWN_SIZE
         if whole > best.evidence:
             k = int(np.argmax(profile))
             best = OscillationScan(
@@ -134,7 +141,7 @@ def scan_oscillations(fit: StudyFit) -> OscillationScan:
                 float(grid[k]),
                 float(np.sqrt(v)) / float(np.median(stiffness)),
                 name_of(float(grid[k])),
-                grid,
+                every,
             )
     return best
 
@@ -206,17 +213,19 @@ def steady_gains(
     return np.array(gains)
 
 
-def with_oscillation(fit: StudyFit, scan: OscillationScan, name: str) -> StudyFit:
+def with_oscillation(fit: StudyFit, scan: OscillationScan) -> StudyFit:
     """Return the fit with every trial's surface free to oscillate about its frequency, while it is touched."""
     states = list(fit.states)
     is_band = scan.frequency_hz * _length_s(fit) >= MANY_CYCLES
     for j, hz in tuned_hz(fit, scan).items():
         trial, state = fit.trials[j], fit.states[j]
         if is_band:
-            states[j] = with_rhythm(trial, state, fit.shared, Rhythm(name, hz, scan.size_mm, wanders_s(hz)))
+            states[j] = with_rhythm(
+                trial, state, fit.shared, Rhythm(scan.name, hz, scan.size_mm, wanders_s(hz))
+            )
         else:
             touching = touches(trial, state, fit.shared)
-            states[j] = state.with_shapes(_slow_shapes(trial, touching, name, hz, scan.size_mm))
+            states[j] = state.with_shapes(_slow_shapes(trial, touching, scan.name, hz, scan.size_mm))
     return replace(fit, states=tuple(states)).weighed_by(fit.noise)
 
 

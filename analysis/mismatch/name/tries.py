@@ -27,7 +27,7 @@ class Tries:
 def worth_trying(
     account: Account, nothing: Account, left: tuple[float, float], among: Collection[str] | None
 ) -> Tries:
-    """Return the effects worth a refit: law by law beside the noise and without its slow part, and what comes anew.
+    """Return the effects worth a refit beside the noise and without its slow part: law by law, and what comes anew.
 
     What was taken for slow noise is found where none is granted, most of all what comes in each trial anew. There slow
     noise that is none but noise looks like it, too: beside the noise, as large as it was measured, half of what is
@@ -54,11 +54,17 @@ def worth_trying(
     taken_up = frozenset(o.name for o in worth[0]) if quick is not account else frozenset()
     signs = {o.name: o.nats for o in listed[0]}
     if among is None:
-        listed.append(own_options(quick))
-        worth.append(promising(listed[-1], CLOSE * SURE * left[1], few))
+        anew = own_options(quick)
+        beside = anew if quick is account else own_options(account)
+        says_most = {o.name for some in (anew, beside) for o in promising(some, CLOSE * SURE * left[1], few)}
+        found = {o.name: o for o in (*beside, *anew)}
+        listed.append(list(found.values()))
+        worth.append([o for o in found.values() if o.name in says_most])
+        signs |= {o.name: o.nats for o in beside}
         for looks_like in worth[-1]:
-            same = [looks_like] if quick is account else own_options(account, looks_like.name)
-            signs |= {o.name: o.nats for o in same}
+            # of rhythms only the band that says most is listed
+            if looks_like.name not in signs:
+                signs |= {o.name: o.nats for o in own_options(account, looks_like.name)}
         # where one shows beside the noise something comes in each trial anew, and may be another that says more
         shown = [o.nats for o in worth[-1] if signs.get(o.name, 0.0) > 0.5 * o.enough]
         signs |= {o.name: o.nats for o in worth[-1] if shown and o.nats > min(shown)}

@@ -201,7 +201,7 @@ def test_a_shift_is_found_beside_a_breath_where_skin_clings(record: Callable[...
         noise_mn = trial.force_mn - simulate(trial, state, replace(fit.shared, laws=()))
         shifted.append(replace(trial, force_mn=clung_mn + noise_mn))
     breath = OscillationScan(100.0, 0.35, 0.01, "respiration", np.zeros(0))
-    bent = with_oscillation(replace(fit, trials=tuple(shifted)), breath, "respiration").with_states()
+    bent = with_oscillation(replace(fit, trials=tuple(shifted)), breath).with_states()
     (found,) = scan_events(bent, [shift])
     np.testing.assert_allclose(found.coefficients, 0.022, rtol=0.15)
 

@@ -23,6 +23,7 @@ from analysis.mismatch.name.oscillations import (
     WANDERS,
     OscillationScan,
     hat_waves,
+    scan_oscillations,
     with_oscillation,
 )
 from analysis.mismatch.name.own_sizes import own_sizes, would_do
@@ -106,6 +107,22 @@ def test_overtones_of_what_is_a_little_off_are_off_by_more(monkeypatch: pytest.M
     alike = property(lambda rhythm: np.full(2 * len(overtones(rhythm.frequency_hz)), rhythm.coherent_s))
     monkeypatch.setattr(Rhythm, "waves_coherent_s", alike)
     assert sooner < min(map(deviance, times_s)) - 30.0
+
+
+def test_a_rhythm_is_looked_for_by_name_in_its_own_band(record: Callable[..., list[Trial]]) -> None:
+    """A tremor that says more hides no breath, and a frequency costs what it costs where all are looked at."""
+    tremor = '[[effects]]\nname = "tremor"\namplitude_um = 15.0\nfrequency_hz = 9.0\n'
+    plans = study_plans(depths_mm=(0.5,), repeats=4, hold_s=6.0, dwell_s=0.4)
+    fit = Account(fit_baseline(take_in_memory(record(58, BREATH + tremor, plans)).trials)).quick().fit
+    most = scan_oscillations(fit)
+    found = scan_oscillations(fit, "respiration")
+    assert {most.name, found.name} == {"tremor", "respiration"}
+    assert 0.15 < found.frequency_hz < 0.35
+    np.testing.assert_array_equal(found.grid_hz, most.grid_hz)
+    named = scan_oscillations(fit, most.name)
+    assert named.frequency_hz == most.frequency_hz
+    none = scan_oscillations(fit, "slip")
+    assert none.evidence == -np.inf
 
 
 def test_what_is_left_open_is_as_large_as_what_is_not_found() -> None:
@@ -215,8 +232,8 @@ def _oscillating(
 
 
 def _as_scanned(fit: StudyFit, name: str, hz: float) -> StudyFit:
-    scan = OscillationScan(100.0, hz, 0.01, "", np.zeros(0))
-    return with_oscillation(fit, scan, name)
+    scan = OscillationScan(100.0, hz, 0.01, name, np.zeros(0))
+    return with_oscillation(fit, scan)
 
 
 @pytest.mark.parametrize(("hz", "is_band"), [(0.3, False), (1.2, True), (8.0, True)])

@@ -191,7 +191,8 @@ def test_half_of_what_is_enough_must_be_left_beside_the_noise(
 
     def tried(left: float) -> bool:
         def breath(found_in: Account, only: str = "") -> list[Option]:
-            return [Option("respiration", left if only else 900.0, 25.0, found_in, lambda same: same)]
+            nats = left if found_in is account else 900.0
+            return [Option("respiration", nats, 25.0, found_in, lambda same: same)]
 
         monkeypatch.setattr(tries, "own_options", breath)
         return "respiration" in worth_trying(account, account, (0.0, 0.0), None).options
@@ -241,6 +242,29 @@ def test_what_is_nothing_is_not_granted_to_be_off(
         assert bool(granted) is not nothing
 
 
+def test_what_says_most_beside_the_noise_is_tried_too(
+    monkeypatch: pytest.MonkeyPatch, record: Callable[..., list[Trial]]
+) -> None:
+    """Where no slow noise is granted a breath had taken all of it up, ten times what a slip explains."""
+    wandering = "[noise]\nforce_mn_rms = 0.2\nwander_mn_rms = 0.6\nwander_time_s = 1.0\n"
+    account = Account(fit_baseline(take_in_memory(record(57, wandering)).trials))
+    quick = {"respiration": 40_000.0, "slip": 6_000.0}
+    beside = {"slip": 4_000.0, "oscillation": 200.0}
+    asked: list[str] = []
+
+    def own(found_in: Account, only: str = "") -> list[Option]:
+        asked.append(only)
+        by_name = {only: 270.0} if only else beside if found_in is account else quick
+        return [Option(name, nats, 25.0, found_in, lambda same: same) for name, nats in by_name.items()]
+
+    monkeypatch.setattr(tries, "own_options", own)
+    found = worth_trying(account, account, (0.0, 0.0), None)
+    assert set(found.options) == {"respiration", "slip"}
+    assert found.largest["slip"] == 6_000.0
+    # of rhythms beside the noise another says most: this one is asked for by name
+    assert asked == ["", "", "respiration"]
+
+
 def test_what_says_more_than_an_effect_that_shows_is_tried_beside_it(
     monkeypatch: pytest.MonkeyPatch, record: Callable[..., list[Trial]]
 ) -> None:
@@ -251,7 +275,7 @@ def test_what_says_more_than_an_effect_that_shows_is_tried_beside_it(
     beside = {"transient": 0.0, "motion_artefact": 700.0, "slip": 0.0}
 
     def own(found_in: Account, only: str = "") -> list[Option]:
-        by_name = {only: beside[only]} if only else quick
+        by_name = beside if found_in is account else quick
         return [Option(name, nats, 25.0, found_in, lambda same: same) for name, nats in by_name.items()]
 
     monkeypatch.setattr(tries, "own_options", own)

@@ -28,24 +28,27 @@ class PerTrial:
 
 
 def indentation(position_mm: FloatArray, z0_mm: FloatArray | float, trial: CellTrial) -> FloatArray:
-    """Return max(z - z0, 0) averaged over each cell, (n,), mm.
+    """Return max(z - z0, 0) averaged over each cell, (..., n), mm.
 
     Within a cell the tip moves linearly by 2w: the mean of the kinked law is (m + w)^2 / (4 w) where the
     contact point lies inside; so the model stays smooth in z0 however coarse the cells are.
     """
-    return _smooth_kink(position_mm - z0_mm, trial.half_travel_mm)
+    m = position_mm - z0_mm
+    return np.asarray(_smooth_kink(m.reshape(-1, m.shape[-1]), trial.half_travel_mm).reshape(m.shape))
 
 
 @njit(cache=True)
-def _smooth_kink(m: FloatArray, w: FloatArray) -> FloatArray:
-    depth = np.empty_like(m)
-    for i in range(len(m)):
-        if m[i] >= w[i]:
-            depth[i] = m[i]
-        elif m[i] <= -w[i]:
-            depth[i] = 0.0
-        else:
-            depth[i] = (m[i] + w[i]) ** 2 / (4.0 * w[i])
+def _smooth_kink(rows: FloatArray, w: FloatArray) -> FloatArray:
+    depth = np.empty_like(rows)
+    for row in range(len(rows)):
+        m = rows[row]
+        for i in range(len(m)):
+            if m[i] >= w[i]:
+                depth[row, i] = m[i]
+            elif m[i] <= -w[i]:
+                depth[row, i] = 0.0
+            else:
+                depth[row, i] = (m[i] + w[i]) ** 2 / (4.0 * w[i])
     return depth
 
 
@@ -63,7 +66,8 @@ def simulate_force(
     """Return the recorded force (n,) of a trial in mN.
 
     ``added`` are mechanisms with their parameters. ``surface_mm`` (a movement of the skin towards the arm)
-    and ``lost_share`` (of the contact's force) carry what has its own time or phase in every trial.
+    and ``lost_share`` (of the contact's force) carry what has its own time or phase in every trial; of m rows (m, n)
+    of either the force is (m, n).
     ``rigid_stiffness`` (mN/mm) is that of a block, where it is another than the trial states.
     ``ideal_step``: the textbook simplification, in which the indentation of the hold was reached at once at
     the end of the ramp.
@@ -72,7 +76,7 @@ def simulate_force(
     if rigid_stiffness is None:
         rigid_stiffness = trial.target_stiffness_mn_per_mm or RIGID_STIFFNESS_MN_PER_MM
     if not trial.touches:
-        contact = np.zeros_like(trial.time_s)
+        contact = np.zeros(np.broadcast(trial.time_s, surface_mm, lost_share).shape)
     else:
         surface: FloatArray | float = surface_mm
         for m, p in added:
@@ -83,7 +87,7 @@ def simulate_force(
         if ideal_step:
             x = np.where(np.arange(len(x)) < hold_start, own.z0_mm, x)
         rounds = COMPLIANCE_ROUNDS if any(m.needs_force for m, _ in added) else 1
-        contact = np.zeros_like(x)
+        contact = np.zeros(np.broadcast(x, z0).shape)
         for _ in range(rounds):
             tip = x
             for m, p in added:

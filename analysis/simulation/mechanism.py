@@ -92,7 +92,7 @@ class Tissue:
 class Mechanism:
     """A mechanism of the library; a subclass sets the words and overrides the stages it changes.
 
-    Every method gets the trial, the present value of what it changes, and its own parameters by name, and
+    Every method gets the trial, the present value of what it changes, (..., n), and its own parameters by name, and
     returns the changed value. ``null`` are the parameters at which the mechanism is absent; ``probes`` the
     settings at which its signature is taken (several where its shape depends on them). ``amplitude`` names the
     parameter that scales the effect: it is what a report says the size of.

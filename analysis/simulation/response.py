@@ -73,7 +73,7 @@ def arm_force(drive: FloatArray, steps: Steps, tau_s: float) -> FloatArray:
 
 
 def low_pass(force: FloatArray, steps: Steps, time_constant_s: float) -> FloatArray:
-    """Return a piecewise-linear signal (n,) after a first-order low-pass, exact: T y' + y = F."""
+    """Return a piecewise-linear signal (..., n) after a first-order low-pass, exact: T y' + y = F."""
     return force if time_constant_s <= 0 else force - arm_force(force, steps, time_constant_s)
 
 
@@ -85,16 +85,17 @@ def _rung(
     for k in range(len(lengths_s)):
         gain[k] = (decay[k] - 1.0) / (pole * lengths_s[k]) * weight
     out = drive.copy()
-    h = 0.0j
-    for i in range(1, len(drive)):
-        k = index[i - 1]
-        h = decay[k] * h + gain[k] * (drive[i] - drive[i - 1])
-        out[i] -= 2.0 * h.real
+    for row in range(len(drive)):
+        h = 0.0j
+        for i in range(1, drive.shape[1]):
+            k = index[i - 1]
+            h = decay[k] * h + gain[k] * (drive[row, i] - drive[row, i - 1])
+            out[row, i] -= 2.0 * h.real
     return out
 
 
 def resonance(force: FloatArray, steps: Steps, period_s: float, damping_ratio: float) -> FloatArray:
-    """Return a piecewise-linear signal (n,) after a mass on a spring, exact: T^2 y'' + 2 z T y' + y = F.
+    """Return a piecewise-linear signal (..., n) after a mass on a spring, exact: T^2 y'' + 2 z T y' + y = F.
 
     ``period_s`` is T, one over the natural frequency, and ``damping_ratio`` z, less than 1. Its two poles are arms of
     complex times, each the other's conjugate.
@@ -102,4 +103,5 @@ def resonance(force: FloatArray, steps: Steps, period_s: float, damping_ratio: f
     pole = complex(-damping_ratio, np.sqrt(1.0 - damping_ratio**2)) / period_s
     # 1 / (T^2 s^2 + 2 z T s + 1) = A / (1 - s / p) and its conjugate
     weight = 1.0 / (1.0 - pole / pole.conjugate())
-    return np.asarray(_rung(np.ascontiguousarray(force), steps.index, steps.lengths_s, pole, weight))
+    rows = np.ascontiguousarray(force.reshape(-1, force.shape[-1]))
+    return np.asarray(_rung(rows, steps.index, steps.lengths_s, pole, weight).reshape(force.shape))

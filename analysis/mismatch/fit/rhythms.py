@@ -110,8 +110,6 @@ def _force_mn(trial: CellTrial, state: TrialState, shared: Shared, rhythm: Rhyth
     """Return the change of force (n, K) by each wave of a rhythm times its size, mN."""
     own = _where_found(trial, state)
     base = simulate(trial, state, shared, own)
-    columns = []
-    for wave in rhythm.waves.T:
-        surface = own["surface"] + STEP * rhythm.size_mm * wave
-        columns.append((simulate(trial, state, shared, {**own, "surface": surface}) - base) / STEP)
-    return np.column_stack(columns)
+    surface_mm = own["surface"] + STEP * rhythm.size_mm * rhythm.waves.T
+    there_mn = simulate(trial, state, shared, {**own, "surface": surface_mm})
+    return np.ascontiguousarray((there_mn - base).T / STEP)

@@ -222,7 +222,10 @@ def own_effects(state: TrialState) -> dict[Acts, FloatArray]:
 def simulate(
     trial: CellTrial, state: TrialState, shared: Shared, own: Mapping[Acts, FloatArray] | None = None
 ) -> FloatArray:
-    """Return the force (n,) of a trial, mN; ``own`` is what its own shapes come to, where that is known."""
+    """Return the force (n,) of a trial, mN; ``own`` is what its own shapes come to, where that is known.
+
+    Of m rows (m, n) at one stage or several the force is (m, n).
+    """
     added = own_effects(state) if own is None else own
     simulated = simulate_force(
         trial,

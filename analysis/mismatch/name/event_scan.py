@@ -166,17 +166,15 @@ def _scores(
     trial, state = fit.trials[j], fit.states[j]
     own = own_effects(state)
     base = simulate(trial, state, fit.shared, own)
-    columns = np.empty((len(base), len(times)))
     acts, rise_s = event.acts, event.rises_s[form]
     unit = event.unit * one_unit(event, trial, base - state.offset_mn)
-    for k, time_s in enumerate(times):
-        shape = event_shape(event, trial, float(time_s), rise_s)
-        does, of_unit = STEP * unit * shape, STEP
-        if gaps[k] > 0.0:
-            # where the skin is now it is since then
-            does, of_unit = (gaps[k] + unit) * (1.0 - shape), 1.0
-        there = {**own, acts: own.get(acts, 0.0) + does}
-        columns[:, k] = (simulate(trial, state, fit.shared, there) - base) / of_unit
+    shapes = np.array([event_shape(event, trial, float(time_s), rise_s) for time_s in times])
+    shapes = shapes.reshape(len(times), len(base))
+    # where skin has left the punch it is since then where it is now
+    left = (gaps > 0.0)[:, None]
+    does = np.where(left, (gaps[:, None] + unit) * (1.0 - shapes), STEP * unit * shapes)
+    there = {**own, acts: own.get(acts, 0.0) + does}
+    columns = ((simulate(trial, state, fit.shared, there) - base) / np.where(left, 1.0, STEP)).T
     projector = fit.projectors[j]
     white = projector(columns)
     scores = projector.residual @ white

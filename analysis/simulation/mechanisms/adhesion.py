@@ -99,10 +99,9 @@ class Adhesion(Mechanism):
         first = int(back[0])
         # the largest force, carried at u = reach, is the pull-off itself
         scale = pull * (1.0 + reach**q) ** (1.0 / q) / reach
+        law = (pull, scale, q, reach, p["peel"] * trial.study_depth_mm)
         out = contact_force_mn.copy()
-        out[first:] = _clinging(
-            free_force_mn[first:],
-            trial.position_mm[first:],
-            (pull, scale, q, reach, p["peel"] * trial.study_depth_mm),
-        )
+        n = out.shape[-1]
+        for row, free in zip(out.reshape(-1, n), free_force_mn.reshape(-1, n), strict=True):
+            row[first:] = _clinging(free[first:], trial.position_mm[first:], law)
         return out

@@ -67,6 +67,24 @@ def test_law_is_absent_at_its_null_and_seen_at_its_probes(mechanism: Mechanism, 
     assert (max(seen) if mechanism.name == "incomplete_recovery" else min(seen)) > 1e-5 * size
 
 
+@pytest.mark.parametrize(
+    "mechanism", [m for m in library().values() if m.form == "law"], ids=lambda m: m.name
+)
+def test_rows_are_simulated_as_one_by_one(mechanism: Mechanism, trial: CellTrial) -> None:
+    own = PerTrial(trial.z0_start_mm, trial.offset_start_mn)
+    surface_mm = 0.01 * np.sin(np.multiply.outer([1.0, 3.0, 8.0], trial.time_s))
+    lost = 0.1 * np.abs(surface_mm[::-1])
+    size = float(np.ptp(simulate_force(trial, TISSUE, own)))
+    for values in mechanism.probe_settings(size, trial.depth_mm):
+        added = [(mechanism, {**mechanism.null, **mechanism.typical, **values})]
+        rows = simulate_force(trial, TISSUE, own, added, surface_mm=surface_mm, lost_share=lost)
+        for row, surface, share in zip(rows, surface_mm, lost, strict=True):
+            alone = simulate_force(trial, TISSUE, own, added, surface_mm=surface, lost_share=share)
+            np.testing.assert_allclose(row, alone, rtol=1e-12, atol=1e-12 * size)
+    for alone in ({"surface_mm": surface_mm}, {"lost_share": lost}):
+        assert simulate_force(trial, TISSUE, own, added, **alone).shape == surface_mm.shape
+
+
 @pytest.mark.parametrize("name", ["adhesion", "coulomb_friction", "force_saturation", "stiffening"])
 def test_units_of_length_and_force_change_nothing(name: str, trial: CellTrial) -> None:
     """Written in other units every quantity of a recording is another number, and the fit of a law the same."""

@@ -185,7 +185,7 @@ def gaps_mm(fit: StudyFit, j: int, event: Event, times: FloatArray) -> FloatArra
     """Return how far (G,) the skin is from a punch that dwells, where an event at such times took it away, mm."""
     trial, state = fit.trials[j], fit.states[j]
     dwell = trial.in_phase("dwell")
-    if event.one_sided or event.returns or not np.any(dwell):
+    if event.acts == "share" or event.returns or not np.any(dwell):
         return np.zeros(len(times))
     surface = own_effects(replace(state, rhythms=())).get("surface", np.zeros(len(dwell)))
     gap = float(np.min((state.z0_mm - surface - trial.position_mm)[dwell]))
@@ -253,7 +253,8 @@ def with_events(fit: StudyFit, scan: EventScan) -> StudyFit:
     """Return the fit with a step in every trial that more likely has one than not, free to creep a little.
 
     No more is known of what becomes of a drop as the punch lifts off: it may go with the force, stay, or go with the
-    depth, and the tissue would be bent to bring the contact's end to where it was.
+    depth, and the tissue would be bent to bring the contact's end to where it was. What is the channel's own may be of
+    its gain or of its zero.
     """
     name, acts = scan.event.name, scan.event.acts
     states = []
@@ -268,7 +269,9 @@ def with_events(fit: StudyFit, scan: EventScan) -> StudyFit:
         step = event_shape(scan.event, trial, time_s, rise_s) * unit
         since = np.maximum(trial.time_s - time_s, 0.0)
         shapes = [OwnShape(name, acts, step, size**2, time_s)]
-        if not scan.event.returns:
+        if scan.event.channel:
+            shapes.append(OwnShape(name, "force", step / unit, size**2, time_s, CREEP))
+        elif not scan.event.returns:
             settles = [step * -np.expm1(-since / t) for t in SETTLES_S]
             settles[0] = settles[0] if scan.event.one_sided else step - settles[0]
             shapes += [OwnShape(name, acts, s, (SETTLES * size) ** 2, time_s, CREEP) for s in settles]

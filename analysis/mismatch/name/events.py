@@ -1,4 +1,4 @@
-"""What comes once in a trial at a time of its own: the skin shifts, or moves and returns, or the punch slips."""
+"""What comes once in a trial at a time of its own: skin shifts, or moves and returns, the punch slips, gain jumps."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from analysis.simulation.cells import CellTrial
 
 FloatArray = NDArray[np.float64]
 
+TIMES_LOOKED_AT = 70
+"""About so many times of a trial are looked at for each event."""
 SLIPS_S, SHIFTS_S = (0.006, 0.002), (0.015, 0.03, 0.06, 0.12, 0.24)
 """How long a step may take: a slip is over within milliseconds, skin that shifts is soft and takes ten or more.
 
@@ -33,7 +35,8 @@ LASTS = 15.0
 class Event:
     """A kind of step: how it acts, its unit, and its forms: how long it may take (s).
 
-    One that ``returns`` is a pulse that rises for so long, and then dies away: no law of the library does so.
+    One that ``returns`` is a pulse that rises for so long, and then dies away; what is the ``channel``'s own is a step
+    of its gain, or of its zero, either way. No law of the library does so.
     """
 
     name: str
@@ -42,11 +45,17 @@ class Event:
     rises_s: tuple[float, ...]
     phases: tuple[str, ...]
     returns: bool = False
+    channel: bool = False
 
     @property
     def one_sided(self) -> bool:
-        """Whether it has one sign only: a share of the force is lost, not won."""
-        return self.acts == "share"
+        """Whether it has one sign only: a share of the contact is lost, not won."""
+        return self.acts == "share" and not self.channel
+
+    @property
+    def looked_at(self) -> int:
+        """In how many places of a trial it is looked for: where either sign is as likely, each is one."""
+        return TIMES_LOOKED_AT * (2 if self.channel else 1)
 
 
 @dataclass(frozen=True)
@@ -72,6 +81,7 @@ EVENTS = (
     Event("slip", "share", 1.0, SLIPS_S, ("hold",)),
     Event("motion_artefact", "surface", 1e-3, SHIFTS_S, ("dwell", "hold")),
     Event("transient", "surface", 1e-3, PULSES_S, ("dwell", "hold"), returns=True),
+    Event("jump", "share", 1.0, SLIPS_S, ("hold",), channel=True),
 )
 SETTLES_S = (0.03, 0.5, 3.0)
 CREEP = "creep"

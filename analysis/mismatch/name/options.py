@@ -32,7 +32,6 @@ from analysis.mismatch.name.oscillations import OscillationScan, scan_oscillatio
 
 FloatArray = NDArray[np.float64]
 
-TIMES_LOOKED_AT = 70
 FIRST_ROUNDS = 5
 
 
@@ -165,11 +164,15 @@ def own_options(account: Account, only: str = "") -> list[Option]:
     """
     if len(account.fit.trials) < FEWEST_HELD_OUT:
         return []
+    scans = scan_events(
+        account.fit, [e for e in EVENTS if e.name not in account.steps and only in ("", e.name)]
+    )
+    # a gain that goes down only does what a slip does
+    drops = max((scan.evidence for scan in scans if scan.event.one_sided), default=-np.inf)
     options = [
         Option(scan.event.name, scan.evidence, ENOUGH_OWN, account, _event_refit(scan))
-        for scan in scan_events(
-            account.fit, [e for e in EVENTS if e.name not in account.steps and only in ("", e.name)]
-        )
+        for scan in scans
+        if not scan.event.channel or scan.evidence > drops + ENOUGH_OWN
     ]
     if any(e.name == only for e in EVENTS):
         return options
@@ -183,7 +186,7 @@ def _event_refit(scan: EventScan) -> Callable[[Account], Account]:
     def refit(account: Account) -> Account:
         exact = account.exact
         # a time was chosen in every trial that has a step
-        price = float(np.log(TIMES_LOOKED_AT)) * int((scan.probability > 0.5).sum())
+        price = float(np.log(scan.event.looked_at)) * int((scan.probability > 0.5).sum())
         added = replace(
             exact,
             fit=with_events(exact.fit, scan),

@@ -227,6 +227,32 @@ def test_what_comes_once_and_dies_away_is_no_shift(record: Callable[..., list[Tr
     assert twitch.nats > shift.nats + ENOUGH_OWN
 
 
+@pytest.mark.parametrize(
+    ("sign", "first"), [(-1.0, "slip"), (None, "jump"), (1.0, "jump")], ids=["down", "both", "up"]
+)
+def test_a_gain_that_jumps_either_way_is_no_slip(
+    record: Callable[..., list[Trial]], sign: float | None, first: str
+) -> None:
+    """Punches slip one way only: what is lost by a slip is all that a gain loses; up, or both ways, it has no name."""
+    trials = record(59, plans=study_plans(depths_mm=(0.4, 0.7), repeats=3, hold_s=4.0, dwell_s=0.4))
+    fit = fit_baseline(take_in_memory(trials).trials)
+    random = np.random.default_rng(60)
+    jumped = []
+    for k, (trial, state) in enumerate(zip(fit.trials, fit.states, strict=True)):
+        begins_s, ends_s = trial.time_s[trial.in_phase("hold")][[0, -1]]
+        jumps_s = random.uniform(begins_s + 0.5, ends_s - 0.5)
+        size = (sign or (-1.0) ** k) * random.uniform(0.03, 0.06)
+        lost = -size * step_shape(trial, jumps_s, 0.001)
+        jump_mn = simulate(trial, state, fit.shared, {"share": lost}) - simulate(trial, state, fit.shared)
+        full_mn = trial.full_force_mn + np.interp(trial.full_time_s, trial.time_s, jump_mn)
+        jumped.append(
+            replace(trial, force_mn=trial.force_mn + jump_mn, full_force_mn=full_mn.astype(np.float32))
+        )
+    nothing = Account(fit_baseline(jumped))
+    (best, *_) = considered(nothing, nothing, {})
+    assert best.name == first
+
+
 def test_the_edge_of_a_slip_is_found_in_noise_that_slips_themselves_have_made(
     record: Callable[..., list[Trial]],
 ) -> None:

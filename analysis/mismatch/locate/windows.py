@@ -13,6 +13,7 @@ from analysis.mismatch.evidence.heldout import predictive_deviance
 from analysis.mismatch.evidence.marginal import log_ratio
 from analysis.mismatch.fit.gram import gram, solve
 from analysis.mismatch.fit.study_fit import StudyFit
+from analysis.mismatch.levels import ROUGH
 from analysis.mismatch.model.effects import TISSUE_SIZE
 from analysis.simulation.cells import CellTrial
 
@@ -31,6 +32,8 @@ SPLITS: dict[str, tuple[float, ...]] = {
 """Edges of windows in shares of a phase: narrow where a phase begins, where quick things show."""
 SIZES = (3.0, 30.0, 300.0, 3000.0)
 UNKNOWN_SIZE = 1.5
+CLIPPED = 3.0
+"""Standard deviations beyond which a cell is no louder."""
 
 
 @dataclass(frozen=True)
@@ -125,7 +128,10 @@ def common_shape(fit: StudyFit, present: Callable[[int], FloatArray], precision:
 
 
 def own_evidence(fit: StudyFit) -> tuple[float, FloatArray]:
-    """Return the gain in nats of windows whose heights differ from trial to trial, the best one's and each one's."""
+    """Return the gain in nats of windows in which trials differ each in its own way, the best one's and each one's.
+
+    They may have a height of their own there, or be louder, whatever it is that goes to and fro.
+    """
     norms, scores = [], []
     for trial, projector in zip(fit.trials, fit.projectors, strict=True):
         white = projector(window_columns(trial))
@@ -137,4 +143,20 @@ def own_evidence(fit: StudyFit) -> tuple[float, FloatArray]:
         v = size**2 / max(float(np.median(a[a > 0])), 1e-300)
         ratio = log_ratio(a, c**2, v).sum(axis=0)
         best = np.maximum(best, ratio)
+    best = np.maximum(best, _louder(fit))
     return float(logsumexp(best) - np.log(len(best)) - UNKNOWN_SIZE), best
+
+
+def _louder(fit: StudyFit) -> FloatArray:
+    """Return the gain in nats (W,) of windows that are louder than the noise is by more than a third.
+
+    H0: whitened residuals are normal, of a size that the noise measured at rest is right to; clipped, as its tails may
+    be heavy. The gain is the largest likelihood ratio of their variance.
+    """
+    energy, count = np.zeros(len(PLACES)), np.zeros(len(PLACES))
+    for trial, projector in zip(fit.trials, fit.projectors, strict=True):
+        inside = window_columns(trial)[trial.fitted]
+        energy += np.clip(projector.residual, -CLIPPED, CLIPPED) ** 2 @ inside
+        count += inside.sum(axis=0)
+    louder = np.maximum(energy / np.maximum(count, 1.0) / (1.0 + ROUGH) ** 2, 1.0)
+    return np.asarray(0.5 * count * (louder - 1.0 - np.log(louder)))

@@ -201,8 +201,9 @@ def _innovations(trial: CellTrial, rhythm: Rhythm) -> tuple[FloatArray, FloatArr
 def _remembered(time_s: FloatArray, rhythm: Rhythm, y: FloatArray, of: Callable[..., object]) -> FloatArray:
     """Return what each amplitude (n, K) remembers of the cells before or after it, ``of`` celerite2's driver."""
     one, found = np.ones((len(y), 1)), np.zeros_like(y)
-    for coherent_s in np.unique(rhythm.waves_coherent_s):
-        waves = rhythm.waves_coherent_s == coherent_s
+    of_waves_s = rhythm.waves_coherent_s
+    for coherent_s in np.unique(of_waves_s):
+        waves = of_waves_s == coherent_s
         of_them = np.zeros((len(y), np.count_nonzero(waves)))
         of(time_s, np.array([1.0 / coherent_s]), one, one, np.ascontiguousarray(y[:, waves]), of_them)
         found[:, waves] = of_them

@@ -19,7 +19,7 @@ FloatArray = NDArray[np.float64]
 WIDTHS = (4, 8, 16, 32, 64)
 """Samples that a burst may last: fewer are a heavy tail of the noise."""
 CLIPPED = 3.0
-"""Robust deviations beyond which a single sample says no more: tails of the noise may be heavy."""
+"""Robust deviations beyond which a single sample or cell says no more: tails of the noise may be heavy."""
 AWAY_S = 0.1
 """Distance from motion and from named steps: what a law leaves there is no burst."""
 STRENGTHS = (10.0, 30.0, 100.0)

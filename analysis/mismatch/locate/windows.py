@@ -14,6 +14,7 @@ from analysis.mismatch.evidence.marginal import log_ratio
 from analysis.mismatch.fit.gram import gram, solve
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import ROUGH
+from analysis.mismatch.locate.transients import CLIPPED
 from analysis.mismatch.model.effects import TISSUE_SIZE
 from analysis.simulation.cells import CellTrial
 
@@ -32,8 +33,6 @@ SPLITS: dict[str, tuple[float, ...]] = {
 """Edges of windows in shares of a phase: narrow where a phase begins, where quick things show."""
 SIZES = (3.0, 30.0, 300.0, 3000.0)
 UNKNOWN_SIZE = 1.5
-CLIPPED = 3.0
-"""Standard deviations beyond which a cell is no louder."""
 
 
 @dataclass(frozen=True)
@@ -133,8 +132,12 @@ def own_evidence(fit: StudyFit) -> tuple[float, FloatArray]:
     They may have a height of their own there, or be louder, whatever it is that goes to and fro.
     """
     norms, scores = [], []
+    energy, count = np.zeros(len(PLACES)), np.zeros(len(PLACES))
     for trial, projector in zip(fit.trials, fit.projectors, strict=True):
-        white = projector(window_columns(trial))
+        inside = window_columns(trial)
+        white = projector(inside)
+        energy += np.clip(projector.residual, -CLIPPED, CLIPPED) ** 2 @ inside[trial.fitted]
+        count += inside[trial.fitted].sum(axis=0)
         norms.append(np.einsum("nk,nk->k", white, white))
         scores.append(projector.residual @ white)
     a, c = np.array(norms), np.array(scores)
@@ -143,20 +146,16 @@ def own_evidence(fit: StudyFit) -> tuple[float, FloatArray]:
         v = size**2 / max(float(np.median(a[a > 0])), 1e-300)
         ratio = log_ratio(a, c**2, v).sum(axis=0)
         best = np.maximum(best, ratio)
-    best = np.maximum(best, _louder(fit))
+    best = np.maximum(best, _louder(energy, count))
     return float(logsumexp(best) - np.log(len(best)) - UNKNOWN_SIZE), best
 
 
-def _louder(fit: StudyFit) -> FloatArray:
+def _louder(energy: FloatArray, count: FloatArray) -> FloatArray:
     """Return the gain in nats (W,) of windows that are louder than the noise is by more than a third.
 
-    H0: whitened residuals are normal, of a size that the noise measured at rest is right to; clipped, as its tails may
-    be heavy. The gain is the largest likelihood ratio of their variance.
+    ``energy`` (W,) is the sum of the squared whitened residuals of ``count`` (W,) cells, clipped, as the noise's tails
+    may be heavy. H0: they are normal, of a size that the noise measured at rest is right to. The gain is the largest
+    likelihood ratio of their variance.
     """
-    energy, count = np.zeros(len(PLACES)), np.zeros(len(PLACES))
-    for trial, projector in zip(fit.trials, fit.projectors, strict=True):
-        inside = window_columns(trial)[trial.fitted]
-        energy += np.clip(projector.residual, -CLIPPED, CLIPPED) ** 2 @ inside
-        count += inside.sum(axis=0)
     louder = np.maximum(energy / np.maximum(count, 1.0) / (1.0 + ROUGH) ** 2, 1.0)
     return np.asarray(0.5 * count * (louder - 1.0 - np.log(louder)))

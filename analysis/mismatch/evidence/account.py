@@ -21,12 +21,13 @@ from analysis.mismatch.evidence.inexactness import (
     with_inexactness,
 )
 from analysis.mismatch.fit.baseline import begun_anew, noise_left
+from analysis.mismatch.fit.contacts import contacts_begun_anew
 from analysis.mismatch.fit.gram import Grams, gram
 from analysis.mismatch.fit.law_fit import fit_laws, known_beforehand, law_columns, with_room
 from analysis.mismatch.fit.noise import SLOW_S, NoiseModel
 from analysis.mismatch.fit.steadied import steadied
 from analysis.mismatch.fit.study_fit import StudyFit
-from analysis.mismatch.levels import FEWEST_HELD_OUT, INEXACT, ROUGH
+from analysis.mismatch.levels import ENOUGH_SHARED, FEWEST_HELD_OUT, INEXACT, ROUGH
 from analysis.mismatch.model.effects import Law, OwnShape
 from analysis.mismatch.model.population import OF_SITE
 from analysis.recordings.trial import PHASE_NAMES
@@ -173,7 +174,24 @@ class Account:
         here = self.weighed_anew()
         exact = self.exact
         there = exact.begun_anew(exact.fit.noise.quicker_than(SLOW_S)).weighed_anew()
-        return max(here, there, key=lambda a: a.nats).steadied().granting()
+        return max(here, there, key=lambda a: a.nats).with_rhythms_settled().granting()
+
+    def with_rhythms_settled(self) -> Account:
+        """Return the account with contacts and rhythms begun anew in turn until that gains less than a law must.
+
+        What they have yet to gain whatever is added would be evidence for it.
+        """
+        best, there = self, self.touching_anew().steadied()
+        while there.nats >= best.nats + ENOUGH_SHARED:
+            best, there = there, there.touching_anew().steadied()
+        return there
+
+    def touching_anew(self) -> Account:
+        """Return the account with each trial's contact begun anew beside its rhythms, if it then predicts better."""
+        fit = contacts_begun_anew(self.fit)
+        if fit is self.fit:
+            return self
+        return max(self, replace(self, fit=fit).weighed_anew(), key=lambda a: a.nats)
 
     def steadied(self) -> Account:
         """Return the account with its rhythms as large and steady as is likeliest beside all else."""

@@ -79,12 +79,12 @@ def _moved(state: TrialState, likeliest: Sequence[FloatArray], share: float) -> 
 def _cost(trial: CellTrial, state: TrialState, shared: Shared, whitener: Whitener) -> float:
     """Return the chi2 of a trial with its rhythms as they were found, and theirs of what they are beforehand."""
     left = whitener.with_rhythms(())(
-        trial.force_mn - simulate(trial, state, shared, _where_found(trial, state))
+        trial.force_mn - simulate(trial, state, shared, where_found(trial, state))
     )
     return float(left @ left) + sum(surprise(trial, r) for r in state.rhythms)
 
 
-def _where_found(trial: CellTrial, state: TrialState) -> dict[Acts, FloatArray]:
+def where_found(trial: CellTrial, state: TrialState) -> dict[Acts, FloatArray]:
     """Return what a trial's own shapes come to, the surface where its rhythms were found."""
     own = own_effects(replace(state, rhythms=()))
     surface_mm = own.get("surface", np.zeros_like(trial.time_s))
@@ -100,7 +100,7 @@ def _bent(trial: CellTrial, state: TrialState, shared: Shared) -> TrialState:
     bent: list[Rhythm] = []
     for rhythm in state.rhythms:
         beside = replace(state, rhythms=(*bent, rhythm))
-        force_mn = simulate(trial, state, shared, _where_found(trial, beside))
+        force_mn = simulate(trial, state, shared, where_found(trial, beside))
         bent.append(replace(rhythm, bent_mn=force_mn - before_mn - rhythm.passed_mn))
         before_mn = force_mn
     return replace(state, rhythms=tuple(bent))
@@ -108,7 +108,7 @@ def _bent(trial: CellTrial, state: TrialState, shared: Shared) -> TrialState:
 
 def _force_mn(trial: CellTrial, state: TrialState, shared: Shared, rhythm: Rhythm) -> FloatArray:
     """Return the change of force (n, K) by each wave of a rhythm times its size, mN."""
-    own = _where_found(trial, state)
+    own = where_found(trial, state)
     base = simulate(trial, state, shared, own)
     surface_mm = own["surface"] + STEP * rhythm.size_mm * rhythm.waves.T
     there_mn = simulate(trial, state, shared, {**own, "surface": surface_mm})

@@ -12,6 +12,7 @@ from analysis.mismatch.evidence.account import Account, with_own_sizes
 from analysis.mismatch.evidence.heldout import predictive_deviance
 from analysis.mismatch.evidence.scatter import scatter_explained
 from analysis.mismatch.fit.baseline import noise_left
+from analysis.mismatch.fit.contacts import contacts_begun_anew
 from analysis.mismatch.fit.gram import gram, solve
 from analysis.mismatch.fit.law_fit import fit_laws
 from analysis.mismatch.fit.settled import Settled
@@ -209,7 +210,8 @@ def _oscillation_refit(scan: OscillationScan) -> Callable[[Account], Account]:
         ).with_laws(laws)
         if not any(r.effect == name for s in added.fit.states for r in s.rhythms):
             return added
-        beside = added.fit.weighed_by(noise_left(added.fit))
+        touching = contacts_begun_anew(added.fit).with_population(1)
+        beside = touching.weighed_by(noise_left(touching))
         return replace(added, fit=steadied(beside, name)).with_laws(laws)
 
     return refit

@@ -9,7 +9,6 @@ from itertools import combinations
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.evidence.left_over import explains_itself, frees, left_over, mends
 from analysis.mismatch.fit.arms import weakest_apart
-from analysis.mismatch.fit.law_fit import at_bound
 from analysis.mismatch.fit.settled import settled_columns
 from analysis.mismatch.levels import (
     CLOSE,
@@ -20,9 +19,7 @@ from analysis.mismatch.levels import (
     INEXACT,
     KEPT,
     MOST_EFFECTS,
-    SMALL_SHARE,
     SURE,
-    TWO_ERRORS,
 )
 from analysis.mismatch.locate.remainder import shape_left
 from analysis.mismatch.model.dictionary import templates
@@ -30,35 +27,9 @@ from analysis.mismatch.name.law_sizes import size_is_told
 from analysis.mismatch.name.options import Option, added, law_options, own_options
 from analysis.mismatch.name.oscillations import phases_alike
 from analysis.mismatch.name.own_sizes import own_sizes
+from analysis.mismatch.name.rivals import Rival, as_they_stand, best_first, instead
 from analysis.mismatch.name.tries import worth_trying
 from analysis.simulation.mechanism import library
-
-
-@dataclass(frozen=True)
-class Rival:
-    """An effect that was refitted at one step: evidence in nats over the account before, and its paired error.
-
-    ``left`` are the nats that the effects before it leave over by being inexact, ``off`` what part of all that its
-    account explains comes of granting that effects are off.
-    """
-
-    name: str
-    gain: float
-    error: float
-    account: Account
-    left: float = 0.0
-    off: float = 0.0
-
-    @property
-    def is_another(self) -> bool:
-        """Whether it is no longer what the textbook says: its law ended elsewhere, or it had to be off by too much."""
-        laws = self.account.fit.shared.laws
-        return self.off > SMALL_SHARE or any(at_bound(law) for law in laws if law.name == self.name)
-
-    def as_good_as(self, other: Rival) -> bool:
-        """Whether another leads by no more than paired errors, or than laws are right to."""
-        lead, error = other.account.gain_over(self.account)
-        return lead <= max(TWO_ERRORS * error, INEXACT * other.gain)
 
 
 @dataclass(frozen=True)
@@ -154,7 +125,7 @@ def _better(account: Account, options: Sequence[Option]) -> Account:
     best = max((o.refit().weighed_anew() for o in options), key=lambda a: a.nats, default=None)
     if best is None or best.nats <= account.of_exact_laws:
         return account
-    return max(account, best.granting(), key=lambda a: a.nats)
+    return max(account, best.with_rhythms_settled().granting(), key=lambda a: a.nats)
 
 
 def considered(
@@ -188,7 +159,7 @@ def considered(
         if not is_nothing(refitted, name):
             to_it = left[1] if name in refitted.steps else left[0]
             found += as_rival(name, refitted, account, nothing, options[0].enough, to_it)
-    return best_first(found)
+    return best_first(as_they_stand(found, account))
 
 
 def as_rival(
@@ -250,22 +221,6 @@ def is_nothing(account: Account, name: str) -> bool:
         return False
     locked = phases_alike(fit, name) > ENOUGH_ONCE
     return locked or not own_sizes(account, mechanism)[mechanism.amplitude].value > 0.0
-
-
-def instead(step: tuple[Rival, ...], after: tuple[Rival, ...]) -> tuple[Rival, ...]:
-    """Return the rivals of a step that explain what its best explains, by what was considered ``after`` it was added.
-
-    What explains as much beside the best as without it was in its place by chance: it stands for another effect.
-    """
-    beside = {r.name: r.gain for r in after}
-    return tuple(r for r in step if r is step[0] or beside.get(r.name, 0.0) < KEPT * r.gain)
-
-
-def best_first(found: Sequence[Rival]) -> tuple[Rival, ...]:
-    """Return rivals by what they gain; what is none that the library has makes way for one that explains as much."""
-    listed = sorted(found, key=lambda r: -r.gain)
-    first = next((r for r in listed if not r.is_another and r.as_good_as(listed[0])), None)
-    return tuple(sorted(listed, key=lambda r: r is not first))
 
 
 def pruned(account: Account, newest: Rival, nothing: Account) -> tuple[Account, dict[str, float]]:

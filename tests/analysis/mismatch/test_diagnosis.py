@@ -26,7 +26,7 @@ from analysis.mismatch.levels import INEXACT
 from analysis.mismatch.model.dictionary import templates
 from analysis.mismatch.name.event_scan import at_rest, candidate_times, within
 from analysis.mismatch.name.finding import weighed
-from analysis.mismatch.name.search import Rival
+from analysis.mismatch.name.rivals import Rival
 from analysis.mismatch.report.contents import Report
 from analysis.mismatch.report.verdict import kept_findings, make_report
 from analysis.mismatch.study.intake import take_in_memory

@@ -12,6 +12,7 @@ import pytest
 
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.baseline import fit_baseline
+from analysis.mismatch.fit.contacts import contacts_begun_anew
 from analysis.mismatch.fit.noise import NoiseModel
 from analysis.mismatch.fit.rhythms import followed, with_rhythm
 from analysis.mismatch.fit.study_fit import StudyFit
@@ -19,6 +20,7 @@ from analysis.mismatch.fit.whitener import Whitener
 from analysis.mismatch.model.effects import simulate, tissue_force, touches
 from analysis.mismatch.model.rhythm import Rhythm, overtones, waves
 from analysis.mismatch.name.events import step_shape
+from analysis.mismatch.name.options import own_options
 from analysis.mismatch.name.oscillations import (
     WANDERS,
     OscillationScan,
@@ -361,3 +363,31 @@ def test_what_turns_slower_than_a_breath_is_none(record: Callable[..., list[Tria
         anywhere = would_do(Account(there.with_population(), steps={"respiration": 0.0}), breath)
         assert anywhere is not None
         assert anywhere.may_be(breath) is is_breath
+
+
+def _with_a_pulse(record: Callable[..., list[Trial]], amplitude_um: float) -> Account:
+    """Return a study with a pulse under a punch that dwells 40 to 140 um deep, each trial fitted."""
+    pulse = f'[[effects]]\nname = "heartbeat"\namplitude_um = {amplitude_um}\nfrequency_hz = 1.2\n'
+    plans = study_plans(depths_mm=(0.5,), repeats=4, hold_s=3.0, dwell_s=1.0)
+    start = Account(fit_baseline(take_in_memory(record(61, pulse, plans)).trials))
+    return own_options(start.quick(), "heartbeat")[0].refit()
+
+
+def test_a_contact_that_small_steps_leave_too_low_is_begun_anew(
+    record: Callable[..., list[Trial]],
+) -> None:
+    """Skin goes to and fro by more than the punch is in it: 50 um too deep, no step finds back to where it touches."""
+    pulse = _with_a_pulse(record, 90.0)
+    first, *others = pulse.fit.states
+    away = replace(first, z0_mm=first.z0_mm + 0.05)
+    fit = replace(pulse.fit, states=(away, *others))
+    for _ in range(8):
+        fit = fit.following().with_states()
+    there = replace(pulse, fit=contacts_begun_anew(fit))
+    assert there.nats > replace(pulse, fit=fit).nats + 300.0
+    assert abs(there.fit.states[0].z0_mm - first.z0_mm) < 0.02 < fit.states[0].z0_mm - first.z0_mm
+
+
+def test_contacts_of_skin_that_stays_on_the_punch_are_left_alone(record: Callable[..., list[Trial]]) -> None:
+    fit = _with_a_pulse(record, 15.0).fit
+    assert contacts_begun_anew(fit) is fit

@@ -22,12 +22,10 @@ from analysis.mismatch.model.population import Population
 from analysis.mismatch.name import search, tries
 from analysis.mismatch.name.events import EVENTS
 from analysis.mismatch.name.options import Option, added, own_options
+from analysis.mismatch.name.rivals import Rival, as_they_stand, best_first, instead
 from analysis.mismatch.name.search import (
-    Rival,
     begun_again,
-    best_first,
     considered,
-    instead,
     pruned,
     stands_for_shape,
 )
@@ -62,6 +60,39 @@ def test_a_law_at_the_end_of_its_range_makes_way_for_one_within_it() -> None:
     # nor is one that explains so much only where it is granted to be off by more than what is named may be
     off = replace(better, off=0.2)
     assert best_first([off, within]) == (within, off)
+
+
+def test_what_is_added_beside_a_rhythm_is_compared_once_that_has_followed_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of three only the near ones are settled: what then says most leads, and of an account without rhythms none."""
+    arm, drainage, dashpot = (
+        _rival(name, 1.0, [gain, gain])
+        for name, gain in (
+            ("third_relaxation", 50.0),
+            ("poroelastic_drainage", 40.0),
+            ("parallel_dashpot", 10.0),
+        )
+    )
+    asked: list[str] = []
+
+    def settled(account: Account) -> Account:
+        asked.append(account.names[0])
+        there = replace(account)
+        there.__dict__["evidence"] = account.evidence + (
+            30.0 if "poroelastic_drainage" in account.names else 1.0
+        )
+        return there
+
+    monkeypatch.setattr(Account, "settled", settled)
+    monkeypatch.setattr(Account, "let_go", lambda account: account)
+    before = _rival("coulomb_friction", 1.0, [0.0, 0.0]).account
+    assert as_they_stand([arm, drainage, dashpot], before) == [arm, drainage, dashpot] and not asked
+    rhythms = SimpleNamespace(rhythms=(1,))
+    cast(SimpleNamespace, before.fit).states = (rhythms,)
+    found = as_they_stand([arm, drainage, dashpot], before)
+    assert asked == ["third_relaxation", "poroelastic_drainage"]
+    assert [r.gain for r in found] == [102.0, 140.0, 20.0]
 
 
 def test_what_explains_as_much_beside_an_effect_is_no_alternative_to_it() -> None:

@@ -1,0 +1,68 @@
+"""Effects that were considered at one step of the search, and which of them leads."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from analysis.mismatch.evidence.account import Account
+from analysis.mismatch.fit.law_fit import at_bound
+from analysis.mismatch.levels import INEXACT, KEPT, SMALL_SHARE, TWO_ERRORS
+
+
+@dataclass(frozen=True)
+class Rival:
+    """An effect that was refitted at one step: evidence in nats over the account before, and its paired error.
+
+    ``left`` are the nats that the effects before it leave over by being inexact, ``off`` what part of all that its
+    account explains comes of granting that effects are off.
+    """
+
+    name: str
+    gain: float
+    error: float
+    account: Account
+    left: float = 0.0
+    off: float = 0.0
+
+    @property
+    def is_another(self) -> bool:
+        """Whether it is no longer what the textbook says: its law ended elsewhere, or it had to be off by too much."""
+        laws = self.account.fit.shared.laws
+        return self.off > SMALL_SHARE or any(at_bound(law) for law in laws if law.name == self.name)
+
+    def as_good_as(self, other: Rival) -> bool:
+        """Whether another leads by no more than paired errors, or than laws are right to."""
+        lead, error = other.account.gain_over(self.account)
+        return lead <= max(TWO_ERRORS * error, INEXACT * other.gain)
+
+
+def as_they_stand(found: Sequence[Rival], account: Account) -> list[Rival]:
+    """Return rivals with those that are near the best settled, where the account they were added to has rhythms.
+
+    A rhythm is as large and steady as it was without them, and takes up more of one than of another.
+    """
+    least = KEPT * max((r.gain for r in found), default=0.0)
+    near = [r for r in found if r.gain >= least]
+    if len(near) < 2 or not any(s.rhythms for s in account.fit.states):
+        return list(found)
+    settled = {r.name: r.account.settled().let_go() for r in near}
+    there = [replace(r, account=a) for r in found for a in (settled.get(r.name, r.account),)]
+    gains = [r.account.gain_over(account) for r in there]
+    return [replace(r, gain=gain, error=error) for r, (gain, error) in zip(there, gains, strict=True)]
+
+
+def instead(step: tuple[Rival, ...], after: tuple[Rival, ...]) -> tuple[Rival, ...]:
+    """Return the rivals of a step that explain what its best explains, by what was considered ``after`` it was added.
+
+    What explains as much beside the best as without it was in its place by chance: it stands for another effect.
+    """
+    beside = {r.name: r.gain for r in after}
+    return tuple(r for r in step if r is step[0] or beside.get(r.name, 0.0) < KEPT * r.gain)
+
+
+def best_first(found: Sequence[Rival]) -> tuple[Rival, ...]:
+    """Return rivals by what they gain; what is none that the library has makes way for one that explains as much."""
+    listed = sorted(found, key=lambda r: -r.gain)
+    first = next((r for r in listed if not r.is_another and r.as_good_as(listed[0])), None)
+    return tuple(sorted(listed, key=lambda r: r is not first))

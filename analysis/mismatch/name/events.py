@@ -10,15 +10,17 @@ from numpy.typing import NDArray
 
 from analysis.mismatch.model.effects import Acts, TrialState
 from analysis.simulation.cells import CellTrial
+from analysis.simulation.mechanism import library
 
 FloatArray = NDArray[np.float64]
 
 TIMES_LOOKED_AT = 70
 """About so many times of a trial are looked at for each event."""
-SLIPS_S, SHIFTS_S = (0.006, 0.002), (0.015, 0.03, 0.06, 0.12, 0.24)
+SLIPS_S, SHIFTS_S, SWELLS_S = (0.006, 0.002), (0.015, 0.03, 0.06, 0.12, 0.24), (0.5, 1.0)
 """How long a step may take: a slip is over within milliseconds, skin that shifts is soft and takes ten or more.
 
-By nothing else is a drop for which the surface gives way told from a shift away from the arm.
+By nothing else is a drop for which the surface gives way told from a shift away from the arm. What takes longer still
+swells or ebbs, as no skin that shifts does.
 """
 STRETCH, BENT = 2.25, 5
 """No step is a straight ramp: within so many of its rises it is a smooth one, and has so many shapes of its own."""
@@ -53,6 +55,11 @@ class Event:
         return self.acts == "share" and not self.channel
 
     @property
+    def once(self) -> bool:
+        """Whether it comes once in a trial, as the library has it; what has no name there may come twice."""
+        return self.name in library()
+
+    @property
     def looked_at(self) -> int:
         """In how many places of a trial it is looked for: where either sign is as likely, each is one."""
         return TIMES_LOOKED_AT * (2 if self.channel else 1)
@@ -80,6 +87,7 @@ class EventScan:
 EVENTS = (
     Event("slip", "share", 1.0, SLIPS_S, ("hold",)),
     Event("motion_artefact", "surface", 1e-3, SHIFTS_S, ("dwell", "hold")),
+    Event("swell", "surface", 1e-3, SWELLS_S, ("dwell", "hold")),
     Event("transient", "surface", 1e-3, PULSES_S, ("dwell", "hold"), returns=True),
     Event("jump", "share", 1.0, SLIPS_S, ("hold",), channel=True),
 )

@@ -185,17 +185,23 @@ def own_options(account: Account, only: str = "") -> list[Option]:
 
 def _event_refit(scan: EventScan) -> Callable[[Account], Account]:
     def refit(account: Account) -> Account:
-        exact = account.exact
-        # a time was chosen in every trial that has a step
-        price = float(np.log(scan.event.looked_at)) * int((scan.probability > 0.5).sum())
-        added = replace(
-            exact,
-            fit=with_events(exact.fit, scan),
-            steps={**account.steps, scan.event.name: price},
-        )
-        return added.with_laws(account.fit.shared.laws)
+        added = _with_steps(account.exact, scan)
+        if scan.event.once:
+            return added
+        again = scan_events(added.fit, [scan.event])[0]
+        return _with_steps(added, again) if again.evidence > ENOUGH_OWN else added
 
     return refit
+
+
+def _with_steps(account: Account, scan: EventScan) -> Account:
+    """Return the account refitted with a step in every trial that more likely has one than not."""
+    # a time was chosen in each of them
+    price = float(np.log(scan.event.looked_at)) * int((scan.probability > 0.5).sum())
+    steps = {**account.steps, scan.event.name: account.steps.get(scan.event.name, 0.0) + price}
+    return replace(account, fit=with_events(account.fit, scan), steps=steps).with_laws(
+        account.fit.shared.laws
+    )
 
 
 def _oscillation_refit(scan: OscillationScan) -> Callable[[Account], Account]:

@@ -253,6 +253,31 @@ def test_a_gain_that_jumps_either_way_is_no_slip(
     assert best.name == first
 
 
+@pytest.mark.parametrize("stays", [True, False], ids=["stays", "comes and goes"])
+def test_what_changes_slowly_once_or_twice_in_a_trial_is_no_breath(
+    record: Callable[..., list[Trial]], stays: bool
+) -> None:
+    """Of a trial of one cycle or two a breath's shapes are any smooth course, and a quick shift stands for its edge."""
+    plans = study_plans(depths_mm=(0.4, 0.7), repeats=5, hold_s=5.0, dwell_s=0.4)
+    fit = fit_baseline(take_in_memory(record(62, plans=plans)).trials)
+    random = np.random.default_rng(63)
+    warmed = []
+    for k, trial in enumerate(fit.trials):
+        begins_s = trial.time_s[trial.in_phase("hold")][0] + random.uniform(0.4, 2.2)
+        steps = [(begins_s, 1.0)] if stays else [(begins_s, 1.0), (begins_s + random.uniform(1.2, 1.8), -1.0)]
+        force_mn = sum(
+            5.0 * (-1.0) ** k * sign * -np.expm1(-np.maximum(trial.time_s - at_s, 0.0) / 0.4)
+            for at_s, sign in steps
+        )
+        full_mn = trial.full_force_mn + np.interp(trial.full_time_s, trial.time_s, force_mn)
+        warmed.append(
+            replace(trial, force_mn=trial.force_mn + force_mn, full_force_mn=full_mn.astype(np.float32))
+        )
+    nothing = Account(fit_baseline(warmed))
+    (best, *_) = considered(nothing, nothing, {})
+    assert best.name == "swell"
+
+
 def test_the_edge_of_a_slip_is_found_in_noise_that_slips_themselves_have_made(
     record: Callable[..., list[Trial]],
 ) -> None:

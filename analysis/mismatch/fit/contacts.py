@@ -15,10 +15,11 @@ from analysis.mismatch.model.effects import TrialState
 from analysis.recordings.trial import PHASE_NAMES
 
 AWAY = (-1.4, -0.7, 0.7, 1.4)
-"""Of the rms by which a surface moves: as far as its ends, and half of that."""
+"""Times the rms by which a surface moves: as far as the ends of a sine, and half of that."""
 LIKELIER = 2.0
 """Deviance that another beginning must gain."""
 MOST_MOVES = 4
+"""How often a contact is begun anew from where that led."""
 
 
 def contacts_begun_anew(fit: StudyFit) -> StudyFit:

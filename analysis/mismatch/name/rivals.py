@@ -46,10 +46,14 @@ def as_they_stand(found: Sequence[Rival], account: Account) -> list[Rival]:
     near = [r for r in found if r.gain >= least]
     if len(near) < 2 or not any(s.rhythms for s in account.fit.states):
         return list(found)
-    settled = {r.name: r.account.settled().let_go() for r in near}
-    there = [replace(r, account=a) for r in found for a in (settled.get(r.name, r.account),)]
-    gains = [r.account.gain_over(account) for r in there]
-    return [replace(r, gain=gain, error=error) for r, (gain, error) in zip(there, gains, strict=True)]
+    return [_as_it_stands(r, account) if r in near else r for r in found]
+
+
+def _as_it_stands(rival: Rival, account: Account) -> Rival:
+    """Return a rival settled, if it then predicts better."""
+    there = max(rival.account, rival.account.settled().let_go(), key=lambda a: a.nats)
+    gain, error = there.gain_over(account)
+    return replace(rival, account=there, gain=gain, error=error)
 
 
 def instead(step: tuple[Rival, ...], after: tuple[Rival, ...]) -> tuple[Rival, ...]:

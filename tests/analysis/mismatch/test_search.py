@@ -93,6 +93,9 @@ def test_what_is_added_beside_a_rhythm_is_compared_once_that_has_followed_it(
     found = as_they_stand([arm, drainage, dashpot], before)
     assert asked == ["third_relaxation", "poroelastic_drainage"]
     assert [r.gain for r in found] == [102.0, 140.0, 20.0]
+    # what is worse than it was stays as it was
+    monkeypatch.setattr(Account, "settled", lambda account: before)
+    assert [r.gain for r in as_they_stand([arm, drainage], before)] == [100.0, 80.0]
 
 
 def test_what_explains_as_much_beside_an_effect_is_no_alternative_to_it() -> None:

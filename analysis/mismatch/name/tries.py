@@ -68,7 +68,7 @@ def worth_trying(
                 signs |= {o.name: o.nats for o in own_options(account, looks_like.name)}
         # where one shows beside the noise something comes in each trial anew, and may be another that says more
         shown = [o.nats for o in worth[-1] if signs.get(o.name, 0.0) > 0.5 * o.enough]
-        signs |= {o.name: o.nats for o in worth[-1] if shown and o.nats > CLOSE * min(shown)}
+        signs |= {o.name: o.nats for o in worth[-1] if shown and o.nats > min(shown)}
         # found beside the noise it may be elsewhere, or be less bent by what else is slow
         worth.append([o for o in likely[1] if o is not found[o.name]])
     options: dict[str, list[Option]] = {}

@@ -12,7 +12,6 @@ from analysis.mismatch.fit.study_fit import AT_REST, StudyFit
 from analysis.mismatch.fit.trial_fit import fit_trial
 from analysis.mismatch.fit.whitener import Whitener
 from analysis.mismatch.model.effects import TrialState
-from analysis.recordings.trial import PHASE_NAMES
 
 AWAY = (-1.4, -0.7, 0.7, 1.4)
 """Times the rms by which a surface moves: as far as the ends of a sine, and half of that."""
@@ -49,8 +48,10 @@ def contacts_begun_anew(fit: StudyFit) -> StudyFit:
 def _moves_mm(fit: StudyFit, j: int) -> float:
     """Return by how much rhythms move the j-th surface about a punch at rest on it, rms mm; 0 if it stays on."""
     trial, state = fit.trials[j], fit.states[j]
-    at_rest = np.isin(trial.phase, [PHASE_NAMES.index(name) for name in AT_REST])
-    if not state.rhythms or not np.any(at_rest):
+    if not state.rhythms:
+        return 0.0
+    at_rest = np.any([trial.in_phase(name) for name in AT_REST], axis=0)
+    if not np.any(at_rest):
         return 0.0
     surface_mm = where_found(trial, state)["surface"]
     rms_mm = float(np.std(surface_mm[at_rest]))

@@ -1,4 +1,4 @@
-"""What comes once in a trial at a time of its own: skin shifts, or moves and returns, the punch slips, gain jumps."""
+"""What comes in a trial at a time of its own: skin shifts, swells, moves and returns, the punch slips, gain jumps."""
 
 from __future__ import annotations
 

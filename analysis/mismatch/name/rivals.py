@@ -43,10 +43,10 @@ def as_they_stand(found: Sequence[Rival], account: Account) -> list[Rival]:
     A rhythm is as large and steady as it was without them, and takes up more of one than of another.
     """
     least = KEPT * max((r.gain for r in found), default=0.0)
-    near = [r for r in found if r.gain >= least]
-    if len(near) < 2 or not any(s.rhythms for s in account.fit.states):
+    several = sum(r.gain >= least for r in found) > 1
+    if not several or not any(s.rhythms for s in account.fit.states):
         return list(found)
-    return [_as_it_stands(r, account) if r in near else r for r in found]
+    return [_as_it_stands(r, account) if r.gain >= least else r for r in found]
 
 
 def _as_it_stands(rival: Rival, account: Account) -> Rival:

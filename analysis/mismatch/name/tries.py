@@ -56,8 +56,8 @@ def worth_trying(
     if among is None:
         anew = own_options(quick)
         beside = anew if quick is account else own_options(account)
-        likely = [promising(some, CLOSE * SURE * left[1], few) for some in (anew, beside)]
-        says_most = {o.name for some in likely for o in some}
+        likely, likely_beside = (promising(some, CLOSE * SURE * left[1], few) for some in (anew, beside))
+        says_most = {o.name for o in (*likely, *likely_beside)}
         found = {o.name: o for o in (*beside, *anew)}
         listed.append(list(found.values()))
         worth.append([o for o in found.values() if o.name in says_most])
@@ -70,7 +70,7 @@ def worth_trying(
         shown = [o.nats for o in worth[-1] if signs.get(o.name, 0.0) > 0.5 * o.enough]
         signs |= {o.name: o.nats for o in worth[-1] if shown and o.nats > min(shown)}
         # found beside the noise it may be elsewhere, or be less bent by what else is slow
-        worth.append([o for o in likely[1] if o is not found[o.name]])
+        worth.append([o for o in likely_beside if o is not found[o.name]])
     options: dict[str, list[Option]] = {}
     for option in (option for some in worth for option in some):
         if few or signs.get(option.name, 0.0) > 0.5 * option.enough:

@@ -15,7 +15,7 @@ class Rival:
     """An effect that was refitted at one step: evidence in nats over the account before, and its paired error.
 
     ``left`` are the nats that the effects before it leave over by being inexact, ``off`` what part of all that its
-    account explains comes of granting that effects are off.
+    account explains comes of granting that effects are off, ``itself`` whether it is more than what these may be.
     """
 
     name: str
@@ -24,6 +24,7 @@ class Rival:
     account: Account
     left: float = 0.0
     off: float = 0.0
+    itself: bool = True
 
     @property
     def is_another(self) -> bool:

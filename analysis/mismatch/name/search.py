@@ -49,20 +49,53 @@ def search(account: Account) -> Named:
     rivals: dict[str, tuple[Rival, ...]] = {}
     start, adds = account, dict[str, float]()
     while len(account.names) < MOST_EFFECTS:
-        step = considered(account, start, adds)
+        before = account
+        step, lead = next_step(account, start, adds)
         if not step:
             break
-        best, before = step[0], account
-        rivals = {name: instead(found, step) for name, found in rivals.items()} | {best.name: step}
+        rivals |= {lead.name: (lead,)} if lead else {}
+        best = step[0]
+        rivals = {name: instead(of_it, step) for name, of_it in rivals.items()} | {best.name: step}
         account, adds = pruned(begun_again(best.account.settled(), best.name, start), best, start)
         led = ENOUGH_SHARED if best.name not in account.names else 0.0
         if account.nats < before.nats + led:
             # it is not needed, or led nowhere
             account = max(account, before, key=lambda a: a.nats)
             break
+        if lead and not explained_beside(account, lead.name, start):
+            # nor is it itself beside what it led to
+            account = before
+            break
     account, rivals, adds = one_for_two(account, start, rivals, adds)
     found = {name: rivals[name] for name in account.names}
     return Named(told_apart(account, found), found, adds)
+
+
+def next_step(
+    account: Account, nothing: Account, adds: Mapping[str, float]
+) -> tuple[tuple[Rival, ...], Rival | None]:
+    """Return the effects worth adding to an account, best first, and what they are to be added beside, if anything.
+
+    Where the first is more than half what it is granted to be off by, another is missing that it is bent by, or it is
+    none of these: what gains most may lead to that other, and is then itself.
+    """
+    found = weighed(account, nothing, adds)
+    step = ranked(found, account)
+    if step or not found or account.names:
+        return step, None
+    lead = max(found, key=lambda r: r.gain)
+    beside = lead.account.settled()
+    return ranked(weighed(beside, nothing, {**adds, lead.name: lead.gain}), beside), lead
+
+
+def explained_beside(account: Account, name: str, nothing: Account) -> bool:
+    """Return whether an effect is in an account and explains itself there, as one that is added to the others would."""
+    if name not in account.names:
+        return False
+    without, anew = account.without(name).reweighed(), name in account.steps
+    left = left_over(without, without.gain_over(nothing)[0], {})[anew]
+    enough = ENOUGH_OWN if anew else ENOUGH_SHARED
+    return any(r.itself for r in as_rival(name, account, without, nothing, enough, left))
 
 
 def one_for_two(
@@ -131,7 +164,19 @@ def _better(account: Account, options: Sequence[Option]) -> Account:
 def considered(
     account: Account, nothing: Account, adds: Mapping[str, float], among: Collection[str] | None = None
 ) -> tuple[Rival, ...]:
-    """Return the effects worth adding, refitted, best first; none where the best has not enough evidence.
+    """Return the effects worth adding, by `weighed`, best first."""
+    return ranked(weighed(account, nothing, adds, among), account)
+
+
+def ranked(found: Sequence[Rival], account: Account) -> tuple[Rival, ...]:
+    """Return those that explain themselves of the effects that were weighed, best first."""
+    return best_first(as_they_stand([r for r in found if r.itself], account))
+
+
+def weighed(
+    account: Account, nothing: Account, adds: Mapping[str, float], among: Collection[str] | None = None
+) -> list[Rival]:
+    """Return the effects that have enough evidence to be added, refitted.
 
     Where names are given, only the laws ``among`` them are considered.
 
@@ -147,7 +192,7 @@ def considered(
     found: list[Rival] = []
     for name, options in tries.options.items():
         # refits cost most of the time: none is made that can't be a rival, however far the line misses
-        best = max((r.gain for r in found), default=0.0)
+        best = max((r.gain for r in found if r.itself), default=0.0)
         if not few and name not in tries.taken_up and tries.largest[name] < CLOSE * best:
             continue
         refitted = added(options, account)
@@ -159,7 +204,7 @@ def considered(
         if not is_nothing(refitted, name):
             to_it = left[1] if name in refitted.steps else left[0]
             found += as_rival(name, refitted, account, nothing, options[0].enough, to_it)
-    return best_first(as_they_stand(found, account))
+    return found
 
 
 def as_rival(
@@ -191,11 +236,10 @@ def as_rival(
         or (anew and stands_for_shape(account, gain))
     ):
         return []
-    if not freed and not explains_itself(refitted, account, gain, asked):
-        return []
     if not all(size_is_told(refitted, law) for law in refitted.fit.shared.laws if law.name == name):
         return []
-    return [Rival(name, gain, error, refitted.let_go(), left, refitted.granted_share(nothing))]
+    itself = freed or explains_itself(refitted, account, gain, asked)
+    return [Rival(name, gain, error, refitted.let_go(), left, refitted.granted_share(nothing), itself)]
 
 
 def stands_for_shape(without: Account, gain: float) -> bool:

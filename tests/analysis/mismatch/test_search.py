@@ -391,7 +391,9 @@ class _Evidence:
     names: tuple[str, ...]
     of: dict[tuple[str, ...], float]
     steps: tuple[str, ...] = ()
-    fit: SimpleNamespace = field(default_factory=lambda: SimpleNamespace(shared=Shared(), states=()))
+    fit: SimpleNamespace = field(
+        default_factory=lambda: SimpleNamespace(trials=(), shared=Shared(), states=())
+    )
 
     @property
     def nats(self) -> float:
@@ -458,13 +460,50 @@ def test_a_step_that_ends_worse_than_it_began_is_not_taken(monkeypatch: pytest.M
         cast(Account, _Evidence(names, of)) for names in (("slip",), ("slip", "stiffening"), ("stiffening",))
     )
     steps = [(Rival("slip", 900.0, 1.0, slip),), (Rival("stiffening", 100.0, 1.0, both),)]
-    monkeypatch.setattr(search, "considered", lambda *_: steps.pop(0))
+    monkeypatch.setattr(search, "weighed", lambda *_: steps.pop(0))
     monkeypatch.setattr(search, "begun_again", lambda account, name, nothing: account)
     monkeypatch.setattr(search, "pruned", lambda account, *_: (worse if account is both else account, {}))
     monkeypatch.setattr(search, "one_for_two", lambda account, start, rivals, adds: (account, rivals, adds))
     monkeypatch.setattr(search, "told_apart", lambda account, rivals: account)
     assert search.search(NOTHING).account is slip
     assert not steps
+
+
+@pytest.mark.parametrize("itself", [True, False], ids=["two that explain themselves", "one that does not"])
+def test_what_is_bent_by_another_that_is_missing_leads_to_it(
+    itself: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A stiffening beside a dashpot and crosstalk was five sixths what it was granted to be off by."""
+    of = {
+        (): 0.0,
+        ("stiffening",): 32e3,
+        ("parallel_dashpot",): 10e3,
+        ("parallel_dashpot", "stiffening"): 46e3,
+    }
+    dashpot, stiffening, both = (
+        cast(Account, _Evidence(names, of)) for names in (*list(of)[2:0:-1], list(of)[3])
+    )
+    steps = {
+        (): [
+            Rival("parallel_dashpot", 10e3, 1.0, dashpot, itself=False),
+            Rival("stiffening", 32e3, 1.0, stiffening, itself=False),
+        ],
+        ("stiffening",): [Rival("parallel_dashpot", 14e3, 1.0, both)],
+        ("parallel_dashpot", "stiffening"): [],
+    }
+
+    def beside(name: str, refitted: Account, account: Account, *_: object) -> list[Rival]:
+        assert (name, refitted, account.names) == ("stiffening", both, ("parallel_dashpot",))
+        return [Rival(name, 36e3, 1.0, refitted, itself=itself)]
+
+    monkeypatch.setattr(search, "weighed", lambda account, *_: steps[account.names])
+    monkeypatch.setattr(search, "as_rival", beside)
+    monkeypatch.setattr(search, "begun_again", lambda account, name, nothing: account)
+    monkeypatch.setattr(search, "pruned", lambda account, *_: (account, {}))
+    monkeypatch.setattr(search, "told_apart", lambda account, rivals: account)
+    named = search.search(NOTHING)
+    assert named.account is (both if itself else NOTHING)
+    assert set(named.rivals) == set(both.names if itself else ())
 
 
 def test_laws_are_begun_again_beside_what_was_missing(monkeypatch: pytest.MonkeyPatch) -> None:

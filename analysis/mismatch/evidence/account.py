@@ -127,8 +127,7 @@ class Account:
 
     def with_laws(self, laws: tuple[Law, ...]) -> Account:
         """Return the account refitted with other laws."""
-        fit = replace(self.fit, shared=replace(self.fit.shared, laws=laws))
-        fit = fit_laws(fit)
+        fit = fit_laws(replace(self.fit, shared=replace(self.fit.shared, laws=laws)))
         return replace(
             self, fit=fit_laws(fit.with_population(1), rounds=2) if laws else fit.with_population()
         )
@@ -166,23 +165,22 @@ class Account:
         """Return what part of the evidence over an account without effects comes of granting that these are off."""
         return self.granted / max(self.gain_over(nothing)[0], 1e-12)
 
-    def settled(self) -> Account:
+    def settled(self, least: float = ENOUGH_SHARED) -> Account:
         """Return the account reweighed, or begun anew if it then predicts better by laws that are exact.
 
-        From where it stands tissue and slow noise may stand for a part of what was added.
+        From where it stands tissue and slow noise may stand for what was added. Rhythms settle to the ``least`` nats.
         """
-        here = self.weighed_anew()
-        exact = self.exact
+        here, exact = self.weighed_anew(), self.exact
         there = exact.begun_anew(exact.fit.noise.quicker_than(SLOW_S)).weighed_anew()
-        return max(here, there, key=lambda a: a.nats).with_rhythms_settled().granting()
+        return max(here, there, key=lambda a: a.nats).with_rhythms_settled(least).granting()
 
-    def with_rhythms_settled(self) -> Account:
-        """Return the account with contacts and rhythms begun anew in turn until that gains less than a law must.
+    def with_rhythms_settled(self, least: float = ENOUGH_SHARED) -> Account:
+        """Return the account with contacts and rhythms begun anew in turn until that gains less than ``least`` nats.
 
         What they have yet to gain whatever is added would be evidence for it.
         """
         best, there = self, self.touching_anew().steadied()
-        while there.nats >= best.nats + ENOUGH_SHARED:
+        while there.nats >= best.nats + least:
             best, there = there, there.touching_anew().steadied()
         return there
 
@@ -270,8 +268,7 @@ class Account:
 
     def at_noise(self, noise: NoiseModel) -> Account:
         """Return the account refitted with another noise."""
-        fit = self.fit.weighed_by(noise).with_population(1)
-        return replace(self, fit=fit_laws(fit, rounds=3))
+        return replace(self, fit=fit_laws(self.fit.weighed_by(noise).with_population(1), rounds=3))
 
     def begun_anew(self, noise: NoiseModel) -> Account:
         """Return the account with its tissues begun anew beside its laws, weighed by a noise."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.law_fit import at_bound
-from analysis.mismatch.levels import INEXACT, KEPT, SMALL_SHARE, TWO_ERRORS
+from analysis.mismatch.levels import ENOUGH_SHARED, INEXACT, KEPT, SMALL_SHARE, TWO_ERRORS
 
 
 @dataclass(frozen=True)
@@ -16,6 +16,7 @@ class Rival:
 
     ``left`` are the nats that the effects before it leave over by being inexact, ``off`` what part of all that its
     account explains comes of granting that effects are off, ``itself`` whether it is more than what these may be.
+    ``settled`` is whether its account was settled, if roughly.
     """
 
     name: str
@@ -25,12 +26,19 @@ class Rival:
     left: float = 0.0
     off: float = 0.0
     itself: bool = True
+    settled: bool = False
 
     @property
     def is_another(self) -> bool:
         """Whether it is no longer what the textbook says: its law ended elsewhere, or it had to be off by too much."""
         laws = self.account.fit.shared.laws
         return self.off > SMALL_SHARE or any(at_bound(law) for law in laws if law.name == self.name)
+
+    def as_it_stands(self) -> Account:
+        """Return its account settled, from where it was when rivals were compared."""
+        return (
+            self.account.exact.with_rhythms_settled().granting() if self.settled else self.account.settled()
+        )
 
     def as_good_as(self, other: Rival) -> bool:
         """Whether another leads by no more than paired errors, or than laws are right to."""
@@ -51,10 +59,11 @@ def as_they_stand(found: Sequence[Rival], account: Account) -> list[Rival]:
 
 
 def _as_it_stands(rival: Rival, account: Account) -> Rival:
-    """Return a rival settled, if it then predicts better."""
-    there = max(rival.account, rival.account.settled().let_go(), key=lambda a: a.nats)
+    """Return a rival settled to a tenth of what rivals are told apart by, if it then predicts better."""
+    there = rival.account.settled(max(ENOUGH_SHARED, INEXACT**2 * rival.gain))
+    there = max(rival.account, there.let_go(), key=lambda a: a.nats)
     gain, error = there.gain_over(account)
-    return replace(rival, account=there, gain=gain, error=error)
+    return replace(rival, account=there, gain=gain, error=error, settled=True)
 
 
 def instead(step: tuple[Rival, ...], after: tuple[Rival, ...]) -> tuple[Rival, ...]:

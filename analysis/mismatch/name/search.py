@@ -56,7 +56,7 @@ def search(account: Account) -> Named:
         rivals |= {lead.name: (lead,)} if lead else {}
         best = step[0]
         rivals = {name: instead(of_it, step) for name, of_it in rivals.items()} | {best.name: step}
-        account, adds = pruned(begun_again(best.account.settled(), best.name, start), best, start)
+        account, adds = pruned(begun_again(best.as_it_stands(), best.name, start), best, start)
         led = ENOUGH_SHARED if best.name not in account.names else 0.0
         if account.nats < before.nats + led:
             # it is not needed, or led nowhere
@@ -84,7 +84,7 @@ def next_step(
     if step or not found or account.names:
         return step, None
     lead = max(found, key=lambda r: r.gain)
-    beside = lead.account.settled()
+    beside = lead.as_it_stands()
     return ranked(weighed(beside, nothing, {**adds, lead.name: lead.gain}), beside), lead
 
 
@@ -116,7 +116,7 @@ def one_for_two(
         step = considered(others, start, {}, alike)
         if not step:
             continue
-        one = replace(step[0], account=step[0].account.settled())
+        one = replace(step[0], account=step[0].as_it_stands())
         gain, error = account.gain_over(others)
         if one.as_good_as(Rival("", gain, error, account)):
             return one.account, rivals | {one.name: step}, {}

@@ -16,7 +16,7 @@ from analysis.mismatch.evidence.left_over import explains_itself, frees, left_ov
 from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.fit.noise import NoiseModel
 from analysis.mismatch.fit.study_fit import StudyFit
-from analysis.mismatch.levels import ENOUGH_OWN, INEXACT, ROUGH, UNFORESEEN
+from analysis.mismatch.levels import ENOUGH_OWN, ENOUGH_SHARED, INEXACT, ROUGH, UNFORESEEN
 from analysis.mismatch.model.effects import TISSUE_SIZE, Law, Shared
 from analysis.mismatch.model.population import Population
 from analysis.mismatch.name import search, tries
@@ -75,9 +75,11 @@ def test_what_is_added_beside_a_rhythm_is_compared_once_that_has_followed_it(
         )
     )
     asked: list[str] = []
+    to: list[float] = []
 
-    def settled(account: Account) -> Account:
+    def settled(account: Account, least: float) -> Account:
         asked.append(account.names[0])
+        to.append(least)
         there = replace(account)
         there.__dict__["evidence"] = account.evidence + (
             30.0 if "poroelastic_drainage" in account.names else 1.0
@@ -93,8 +95,12 @@ def test_what_is_added_beside_a_rhythm_is_compared_once_that_has_followed_it(
     found = as_they_stand([arm, drainage, dashpot], before)
     assert asked == ["third_relaxation", "poroelastic_drainage"]
     assert [r.gain for r in found] == [102.0, 140.0, 20.0]
+    assert [r.settled for r in found] == [True, True, False]
+    assert to == [ENOUGH_SHARED, ENOUGH_SHARED]
+    as_they_stand([replace(r, gain=30.0 * r.gain) for r in (arm, drainage)], before)
+    assert to[2:] == pytest.approx([30.0, 24.0]), "a tenth of what rivals are told apart by"
     # what is worse than it was stays as it was
-    monkeypatch.setattr(Account, "settled", lambda account: before)
+    monkeypatch.setattr(Account, "settled", lambda account, least: before)
     assert [r.gain for r in as_they_stand([arm, drainage], before)] == [100.0, 80.0]
 
 

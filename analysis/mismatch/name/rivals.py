@@ -34,11 +34,11 @@ class Rival:
         laws = self.account.fit.shared.laws
         return self.off > SMALL_SHARE or any(at_bound(law) for law in laws if law.name == self.name)
 
-    def as_it_stands(self) -> Account:
-        """Return its account settled, from where it was when rivals were compared."""
-        return (
-            self.account.exact.with_rhythms_settled().granting() if self.settled else self.account.settled()
-        )
+    def settled_account(self) -> Account:
+        """Return its account settled; from where it stands, if it was settled roughly."""
+        if self.settled:
+            return self.account.exact.with_rhythms_settled().granting()
+        return self.account.settled()
 
     def as_good_as(self, other: Rival) -> bool:
         """Whether another leads by no more than paired errors, or than laws are right to."""

@@ -56,7 +56,7 @@ def search(account: Account) -> Named:
         rivals |= {lead.name: (lead,)} if lead else {}
         best = step[0]
         rivals = {name: instead(of_it, step) for name, of_it in rivals.items()} | {best.name: step}
-        account, adds = pruned(begun_again(best.as_it_stands(), best.name, start), best, start)
+        account, adds = pruned(begun_again(best.settled_account(), best.name, start), best, start)
         led = ENOUGH_SHARED if best.name not in account.names else 0.0
         if account.nats < before.nats + led:
             # it is not needed, or led nowhere
@@ -74,17 +74,17 @@ def search(account: Account) -> Named:
 def next_step(
     account: Account, nothing: Account, adds: Mapping[str, float]
 ) -> tuple[tuple[Rival, ...], Rival | None]:
-    """Return the effects worth adding to an account, best first, and what they are to be added beside, if anything.
+    """Return the effects worth adding to an account, best first, and what leads to them, where they stand beside that.
 
-    Where the first is more than half what it is granted to be off by, another is missing that it is bent by, or it is
-    none of these: what gains most may lead to that other, and is then itself.
+    Where nothing is named and no effect explains itself, none of them is there, or each is bent by another that is
+    missing. What gains most may lead to that other; whether it then explains itself is to be asked of both.
     """
     found = weighed(account, nothing, adds)
     step = ranked(found, account)
     if step or not found or account.names:
         return step, None
     lead = max(found, key=lambda r: r.gain)
-    beside = lead.as_it_stands()
+    beside = lead.settled_account()
     return ranked(weighed(beside, nothing, {**adds, lead.name: lead.gain}), beside), lead
 
 
@@ -92,9 +92,9 @@ def explained_beside(account: Account, name: str, nothing: Account) -> bool:
     """Return whether an effect is in an account and explains itself there, as one that is added to the others would."""
     if name not in account.names:
         return False
-    without, anew = account.without(name).reweighed(), name in account.steps
-    left = left_over(without, without.gain_over(nothing)[0], {})[anew]
-    enough = ENOUGH_OWN if anew else ENOUGH_SHARED
+    without = account.without(name).reweighed()
+    to_laws, to_others = left_over(without, without.gain_over(nothing)[0], {})
+    enough, left = (ENOUGH_OWN, to_others) if name in account.steps else (ENOUGH_SHARED, to_laws)
     return any(r.itself for r in as_rival(name, account, without, nothing, enough, left))
 
 
@@ -116,7 +116,7 @@ def one_for_two(
         step = considered(others, start, {}, alike)
         if not step:
             continue
-        one = replace(step[0], account=step[0].as_it_stands())
+        one = replace(step[0], account=step[0].settled_account())
         gain, error = account.gain_over(others)
         if one.as_good_as(Rival("", gain, error, account)):
             return one.account, rivals | {one.name: step}, {}

@@ -20,7 +20,6 @@ from analysis.mismatch.model.effects import (
     own_effects,
     simulate,
 )
-from analysis.mismatch.model.population import OF_SITE
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.mechanism import Parameter
 
@@ -195,8 +194,9 @@ def centred(fit: StudyFit) -> StudyFit:
         places = [state.shapes.sizes.get(law.name) for state in fit.states]
         own = [s.coefficients[k] for s, k in zip(fit.states, places, strict=True) if k is not None]
         size, value = law.size, law.values[law.size.name]
+        known = sum(1.0 / s.shapes[k].prior for s, k in zip(fit.states, places, strict=True) if k is not None)
         mean = float(np.mean(own)) if own else 0.0
-        if len(own) * mean**2 / OF_SITE**2 < DONE or not value:
+        if known * mean**2 < DONE or not value:
             continue
         shared = with_value(fit.shared, at, size, size.to_fit(value * float(np.exp(mean))))
         step = float(np.log(shared.laws[at].values[size.name] / value))

@@ -17,7 +17,7 @@ from analysis.mismatch.fit.trial_fit import ROUNDS, fit_trial, penalty
 from analysis.mismatch.fit.whitener import Whitener
 from analysis.mismatch.levels import FEWEST_HELD_OUT
 from analysis.mismatch.model.effects import Shared, TrialState, simulate
-from analysis.mismatch.model.population import Population, estimate
+from analysis.mismatch.model.population import FEWEST_ALIKE, Population, estimate, site_variance
 from analysis.simulation.cells import CellTrial
 
 FloatArray = NDArray[np.float64]
@@ -151,7 +151,8 @@ class StudyFit:
             likelihoods = [
                 tissue_likelihood(own, s) for own, s in zip(fit.own, fit.states, strict=True) if s.has_tissue
             ]
-            near, fit = fit, replace(fit, population=estimate(likelihoods, fit.population))
+            population = estimate(likelihoods, fit.population)
+            near, fit = fit, replace(fit, states=sizes_scattered(fit), population=population)
         return fit.with_states(near=near)
 
     def following(self) -> StudyFit:
@@ -187,6 +188,29 @@ def tissue_likelihood(own: OwnColumns, state: TrialState) -> tuple[FloatArray, F
     # at the fitted state the others' gradient is zero with their pull
     g = left.T @ own.residual - taken.T @ own.pull[others]
     return H, H @ state.log_tissue + g
+
+
+def sizes_scattered(fit: StudyFit) -> tuple[TrialState, ...]:
+    """Return the trials' states with what is known of the laws' own sizes as their scatter between trials tells it.
+
+    What does not vary is known not to, and costs no power.
+    """
+    states = fit.states
+    for law in fit.shared.laws:
+        at = {j: s.shapes.sizes[law.name] for j, s in enumerate(states) if law.name in s.shapes.sizes}
+        if len(at) < FEWEST_ALIKE:
+            continue
+        likelihoods = [size_likelihood(fit.own[j], states[j], k) for j, k in at.items()]
+        variance = site_variance(*np.array(likelihoods).T)
+        states = tuple(s.known_to(at[j], variance) if j in at else s for j, s in enumerate(states))
+    return states
+
+
+def size_likelihood(own: OwnColumns, state: TrialState, k: int) -> tuple[float, float]:
+    """Return what a trial alone says of its k-th own shape: information, and that times the estimate."""
+    at = own.tissue.stop + k
+    variance = float(own.solve(np.eye(own.n_own)[at])[at])
+    return max(1.0 / variance - 1.0 / state.shapes[k].prior, 0.0), float(state.coefficients[k]) / variance
 
 
 def sampled_alike(trials: Sequence[CellTrial]) -> bool:

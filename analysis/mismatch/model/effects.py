@@ -142,6 +142,11 @@ class TrialState:
             coefficients=np.append(self.coefficients, start),
         )
 
+    def known_to(self, at: int, variance: float) -> TrialState:
+        """Return the state with the coefficient of one of its shapes known to another variance beforehand."""
+        there = replace(self.shapes[at], prior=variance)
+        return replace(self, shapes=OwnShapes((*self.shapes[:at], there, *self.shapes[at + 1 :])))
+
     def without(self, effect: str) -> TrialState:
         """Return the state without the shapes and rhythms of one effect; itself where it has none."""
         there = self.with_only([k for k, shape in enumerate(self.shapes) if shape.effect != effect])

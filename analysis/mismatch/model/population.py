@@ -15,7 +15,7 @@ WEAK = 0.5
 PLAUSIBLE = 0.4
 """No population of skin scatters by more (published: 0.1 to 0.2): what would need it is something else than tissue."""
 OF_SITE = 0.15
-"""By so much differs between sites what is the skin's, beside its constants (of these published: 0.1 to 0.2)."""
+"""By no more differs between sites what is the skin's, beside its constants (of these published: 0.1 to 0.2)."""
 DECADE = 2.3
 """A mean is known to a decade before the trials were seen: constants that do not show must not run away."""
 PARTS_RESOLVED = 2000.0
@@ -26,6 +26,7 @@ PRIOR_TRIALS = 2.0
 PRIOR_SCATTERS = (0.02, 0.002)
 """What does not vary shrinks towards one of these, whichever tells better what trials not used for it are like: where
 one piece of skin is pressed again and again two hundredths are far too much."""
+ROUNDS = 60
 FEWEST_ALIKE = 4
 """Fewer trials that are alike may be so by chance: on living skin three pairs in ten, one in fifty of three."""
 
@@ -62,9 +63,21 @@ def estimate(likelihoods: Sequence[tuple[FloatArray, FloatArray]], start: Popula
     return max((_by_em(H, Ht, start, s) for s in scatters), key=lambda found: found[1])[0]
 
 
-def _by_em(
-    H: FloatArray, Ht: FloatArray, start: Population, scatter: float, rounds: int = 60
-) -> tuple[Population, float]:
+def site_variance(H: FloatArray, Ht: FloatArray) -> float:
+    """Return the variance that is likeliest of what a law's log size differs by between sites, by EM.
+
+    ``H`` (n,) is the information of single trials, ``Ht`` (n,) that times their estimates. As of the tissue: what does
+    not vary shrinks towards a small scatter, and no skin scatters by more than is plausible of it.
+    """
+    variance = OF_SITE**2
+    for _ in range(ROUNDS):
+        C = 1.0 / (H + 1.0 / variance)
+        squares = float(np.sum((C * Ht) ** 2 + C)) + PRIOR_TRIALS * PRIOR_SCATTERS[0] ** 2
+        variance = min(squares / (len(H) + PRIOR_TRIALS), OF_SITE**2)
+    return variance
+
+
+def _by_em(H: FloatArray, Ht: FloatArray, start: Population, scatter: float) -> tuple[Population, float]:
     """Return the population by EM, and the log likelihood of every trial by what the others say of the population.
 
     The covariance has an inverse Wishart prior of two trials' weight about ``scatter``, towards which what does not
@@ -72,7 +85,7 @@ def _by_em(
     """
     mean, covariance = start.mean, start.covariance
     n, size = Ht.shape
-    for _ in range(rounds):
+    for _ in range(ROUNDS):
         precision = np.linalg.inv(covariance)
         C = np.linalg.inv(H + precision)
         means = np.einsum("jab,jb->ja", C, Ht + precision @ mean)

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
-from analysis.mismatch.evidence.account import with_own_sizes
+from analysis.mismatch.evidence.account import Account, with_own_sizes
 from analysis.mismatch.fit import study_fit
 from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.fit.law_fit import centred
@@ -98,6 +98,38 @@ def test_every_site_has_its_own_adhesion(record: Callable[..., list[Trial]]) -> 
     sizes = [float(s.coefficients[s.shapes.sizes["adhesion"]]) for s in found.states]
     assert 5.0 * np.exp(sizes) == pytest.approx(pulls_mn, rel=0.01)
     assert with_own_sizes(found).states == found.states
+
+
+@pytest.mark.parametrize("differs", [0.0, 0.12])
+def test_a_size_that_is_the_same_in_all_trials_costs_none_of_them_anything(
+    record: Callable[..., list[Trial]], differs: float
+) -> None:
+    """Trials that know their size to a percent pay for not knowing it: two nats each, where all have the same."""
+    fit = fit_baseline(take_in_memory(record(45)).trials)
+    dashpot = library()["parallel_dashpot"]
+    law = Law(dashpot, {dashpot.amplitude: 2.0}, (dashpot.amplitude,))
+    own = differs * np.array([1.0, -1.0, 0.7, -1.3, 1.2, -0.6, 0.4, -0.4])
+    laws = [replace(law, values={dashpot.amplitude: 2.0 * float(np.exp(size))}) for size in own]
+    dragging = [
+        replace(
+            t,
+            force_mn=t.force_mn
+            + simulate(t, s, replace(fit.shared, laws=(with_size,)))
+            - simulate(t, s, fit.shared),
+        )
+        for t, s, with_size in zip(fit.trials, fit.states, laws, strict=True)
+    ]
+    begun = replace(fit, trials=tuple(dragging), shared=replace(fit.shared, laws=(law,)))
+    free = Account(with_own_sizes(begun).with_states())
+    found = Account(free.fit.with_population(1))
+    (known,) = {s.shapes[s.shapes.sizes["parallel_dashpot"]].prior for s in found.fit.states}
+    of_own = np.array([s.coefficients[s.shapes.sizes["parallel_dashpot"]] for s in found.fit.states])
+    if differs:
+        assert np.sqrt(known) == pytest.approx(differs, rel=0.4)
+        np.testing.assert_allclose(of_own - np.mean(of_own), own - np.mean(own), atol=0.03)
+    else:
+        assert np.sqrt(known) < 0.015
+        assert found.nats > free.nats + len(fit.trials)
 
 
 def test_what_sizes_of_all_sites_have_in_common_is_the_laws(record: Callable[..., list[Trial]]) -> None:

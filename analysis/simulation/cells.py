@@ -11,6 +11,7 @@ from scipy.interpolate import CubicSpline
 
 from analysis.recordings.trial import PHASE_NAMES
 from analysis.simulation.response import Steps
+from analysis.simulation.samples import winsorised
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -18,6 +19,8 @@ IntArray = NDArray[np.int64]
 MOVING_MM_S, MOVING_SHARE = 0.05, 0.05
 """Speed from which the arm moves: of a slow instrument this share of the largest in the trial."""
 TRAVEL_MIDDLE_MM = 5.0
+AWAY_S = 0.1
+"""Distance from motion, and from what happened, of what is at rest."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +93,17 @@ class CellTrial:
         t, later = self.full_time_s, self.starts[1:]
         between = 0.5 * (t[later] + t[later - 1])
         return np.concatenate([[1.5 * t[0] - 0.5 * t[1]], between, [1.5 * t[-1] - 0.5 * t[-2]]])
+
+    @cached_property
+    def at_rest(self) -> NDArray[np.bool_]:
+        """Which samples (N,) are away from motion."""
+        return ~near(self.full_time_s, self.time_s[moves(self.velocity_mm_s)])
+
+    def cell_means(self, force_mn: FloatArray) -> FloatArray:
+        """Return the mean (n,) of a force (N,) in each cell; of several at rest no sample is further off than noise."""
+        among_others = np.repeat(self.counts > 1, self.counts.astype(np.int64))
+        kept_mn = winsorised(force_mn, self.at_rest & among_others)
+        return np.add.reduceat(kept_mn, self.starts) / self.counts
 
     def at_samples(self, cells: FloatArray) -> FloatArray:
         """Return at every sample (N,) what has these averages (n,) in the cells, smoothly.
@@ -192,3 +206,14 @@ def moves(velocity_mm_s: FloatArray) -> NDArray[np.bool_]:
     """Whether the arm moves, (n,)."""
     speed = np.abs(velocity_mm_s)
     return np.asarray(speed > min(MOVING_MM_S, MOVING_SHARE * float(speed.max(initial=0.0))))
+
+
+def near(samples_s: FloatArray, times_s: FloatArray) -> NDArray[np.bool_]:
+    """Return which samples (N,) are less than `AWAY_S` from any of some times."""
+    if not len(times_s):
+        return np.zeros(len(samples_s), dtype=bool)
+    times_s = np.sort(times_s)
+    at = np.searchsorted(times_s, samples_s)
+    before = np.abs(samples_s - times_s[np.clip(at - 1, 0, len(times_s) - 1)])
+    after = np.abs(times_s[np.clip(at, 0, len(times_s) - 1)] - samples_s)
+    return np.asarray(np.minimum(before, after) < AWAY_S)

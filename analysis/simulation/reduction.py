@@ -8,6 +8,8 @@ What was interpolated between unevenly spaced samples is none: there a cell hold
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -163,7 +165,7 @@ def reduce_trial(
         if hold is not None
         else float(motion.position_mm.max())
     )
-    return CellTrial(
+    reduced = CellTrial(
         label=trial.path or trial.trial_id,
         kind=trial.kind,
         condition=condition_of(trial),
@@ -196,3 +198,4 @@ def reduce_trial(
         fitted=fitted,
         uneven_s=None if trial.native is None else samples_s,
     )
+    return replace(reduced, force_mn=reduced.cell_means(force_mn))

@@ -7,21 +7,19 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 from scipy.optimize import Bounds, minimize
 from scipy.special import ndtr, stdtr
 
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.locate.transients import NO_BURSTS, Bursts, at_rest, phase_at
+from analysis.simulation.samples import FAR, deviations
 
 FloatArray = NDArray[np.float64]
 
-NEIGHBOURS = 9
-"""Samples whose median is the level of the middle one: a step, however steep, moves it along."""
 EDGES = np.concatenate([[0.0], np.geomspace(0.05, 1e4, 300), [np.inf]])
 """Robust deviations by which samples are counted."""
-TAIL, FAR = 6.0, 8.0
-"""Deviations that a second, rarer kind of noise may have, and from which it is none."""
+TAIL = 6.0
+"""Deviations that a second, rarer kind of noise may have; from `FAR` it is none."""
 OFTEN = 0.05
 """What is off more often than that is no outlier."""
 FREEDOMS = (2.5, 5.0, 30.0)
@@ -55,24 +53,6 @@ def find_outliers(fit: StudyFit) -> Bursts:
     at_s = float(fit.trials[j].full_time_s[kept[j]][most])
     rms_mn = whole.far_sd * float(np.median([s.sigma_mn for s in scattered]))
     return Bursts(whole.evidence, phase_at(fit.trials[j], at_s), at_s, rms_mn)
-
-
-@dataclass(frozen=True)
-class Scatter:
-    """How far samples (n,) are off their neighbours' median, in robust deviations, and one of these, mN."""
-
-    off: FloatArray
-    sigma_mn: float
-
-
-def deviations(residual_mn: FloatArray, kept: NDArray[np.bool_]) -> Scatter:
-    """Return how the kept samples of a residual (N,) scatter about their neighbours."""
-    off = (residual_mn - median_filter(residual_mn, NEIGHBOURS, mode="nearest"))[kept]
-    # of few levels, as of a coarse converter, the median of the deviations may be none
-    sigma_mn = (
-        max(1.4826 * float(np.median(np.abs(off))), float(np.mean(np.abs(off))), 1e-12) if off.size else 1.0
-    )
-    return Scatter(off / sigma_mn, sigma_mn)
 
 
 def tails(off: FloatArray) -> Tails:

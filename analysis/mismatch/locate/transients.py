@@ -12,7 +12,7 @@ from scipy.special import logsumexp
 from analysis.mismatch.evidence.marginal import log_ratio
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.recordings.trial import PHASE_NAMES
-from analysis.simulation.cells import CellTrial, moves
+from analysis.simulation.cells import CellTrial, near
 
 FloatArray = NDArray[np.float64]
 
@@ -20,8 +20,6 @@ WIDTHS = (4, 8, 16, 32, 64)
 """Samples that a burst may last: fewer are a heavy tail of the noise."""
 CLIPPED = 3.0
 """Robust deviations beyond which a single sample or cell says no more: tails of the noise may be heavy."""
-AWAY_S = 0.1
-"""Distance from motion and from named steps: what a law leaves there is no burst."""
 STRENGTHS = (10.0, 30.0, 100.0)
 """Variances of a burst that are tried, in units of the noise of its mean."""
 OFTEN = (0.1, 0.5, 0.95)
@@ -96,22 +94,10 @@ def _scores(fit: StudyFit, j: int) -> tuple[FloatArray, FloatArray, float]:
 
 
 def at_rest(fit: StudyFit, j: int) -> NDArray[np.bool_]:
-    """Return which samples (N,) are away from motion and from named steps."""
+    """Return which samples (N,) are away from motion and from named steps: what a law leaves there is no burst."""
     trial, state = fit.trials[j], fit.states[j]
-    samples = trial.full_time_s
-    moving = trial.time_s[moves(trial.velocity_mm_s)]
     steps = np.array([s.at for s in state.shapes if s.acts != "force" and not s.kind and s.at > 0])
-    return ~(_near(samples, moving) | _near(samples, steps))
-
-
-def _near(samples: FloatArray, times: FloatArray) -> NDArray[np.bool_]:
-    if not len(times):
-        return np.zeros(len(samples), dtype=bool)
-    times = np.sort(times)
-    at = np.searchsorted(times, samples)
-    before = np.abs(samples - times[np.clip(at - 1, 0, len(times) - 1)])
-    after = np.abs(times[np.clip(at, 0, len(times) - 1)] - samples)
-    return np.asarray(np.minimum(before, after) < AWAY_S)
+    return np.asarray(trial.at_rest & ~near(trial.full_time_s, steps))
 
 
 def _log_ratio(z: FloatArray, strength: float) -> float:

@@ -136,6 +136,6 @@ def without_lines(fit: StudyFit, lines: Sequence[Line]) -> tuple[CellTrial, ...]
             smooth = np.interp(time_s, at, np.real(size)) + 1j * np.interp(time_s, at, np.imag(size))
             taken += np.real(smooth * turn)
         force = trial.full_force_mn - taken
-        means = np.add.reduceat(force.astype(np.float64), trial.starts) / trial.counts
-        trials.append(replace(trial, full_force_mn=force.astype(np.float32), force_mn=means))
+        means_mn = trial.cell_means(force.astype(np.float64))
+        trials.append(replace(trial, full_force_mn=force.astype(np.float32), force_mn=means_mn))
     return tuple(trials)

@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from analysis.mismatch.levels import ENOUGH_OWN
-from analysis.mismatch.locate.outliers import deviations, tails
+from analysis.mismatch.locate.outliers import tails
+from analysis.simulation.samples import deviations
 
 N = 200_000
 """About two trials. Of 300 draws under H0 the largest evidence was none."""

@@ -101,6 +101,19 @@ def test_cells_give_a_quick_rhythm_back_to_the_samples(trial: Trial, hz: float) 
     assert np.std((back - wave)[within]) < 0.02
 
 
+def test_one_sample_of_a_heavy_tail_is_no_event_at_rest(trial: Trial) -> None:
+    """Among the few samples of a cell it would be some tenths of a millinewton; in a motion it may be the arm's."""
+    plain = reduced(trial)
+    hold, ramp = (np.flatnonzero(plain.in_phase(name)) for name in ("hold", "ramp"))
+    resting, moving = int(hold[len(hold) // 2]), int(ramp[len(ramp) // 2])
+    for cell, least_mn, most_mn in ((resting, 0.0, 3.0), (moving, 16.0, 16.0)):
+        off_mn = 16.0 * (np.arange(len(plain.full_force_mn)) == plain.starts[cell])
+        there = plain.cell_means(plain.full_force_mn + off_mn)
+        changed_mn = (there - plain.cell_means(plain.full_force_mn.astype(np.float64))) * plain.counts
+        assert least_mn <= changed_mn[cell] <= most_mn + 1e-6
+        assert not np.any(np.delete(changed_mn, cell))
+
+
 def test_a_cell_of_one_sample_is_that_sample(trial: Trial) -> None:
     """Of sparse recordings most are: nothing is left of what was read from the samples themselves."""
     times_s = np.arange(0.0, trial.time_s[-1], 0.005)

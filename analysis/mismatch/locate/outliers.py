@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import Bounds, minimize
 from scipy.special import ndtr, stdtr
 
 from analysis.mismatch.fit.study_fit import StudyFit
@@ -20,10 +18,15 @@ EDGES = np.concatenate([[0.0], np.geomspace(0.05, 1e4, 300), [np.inf]])
 """Robust deviations by which samples are counted."""
 TAIL = 6.0
 """Deviations that a second, rarer kind of noise may have; from `FAR` it is none."""
-OFTEN = 0.05
-"""What is off more often than that is no outlier."""
-FREEDOMS = (2.5, 5.0, 30.0)
-"""Degrees of freedom from which the noise is fitted."""
+LARGEST = 1.5
+"""Deviations that a heavy tail may have, the bulk's being one."""
+NORMALS = np.geomspace(0.2, TAIL, 16)
+STEP = 1.25
+"""From one deviation that is tried to the next."""
+FREEDOMS, SCALES = (1.5, 2.0, 2.5, 3.0, 4.0, 6.0, 10.0), np.geomspace(0.05, LARGEST, 12)
+"""Degrees of freedom of heavy tails, and their deviations."""
+ROUND, DONE = 200, 0.05
+"""Steps of EM, and nats that so many must gain to go on."""
 AT_BOUND = 0.01
 """Share of its least deviation by which a part must be beyond it, to be further off than noise."""
 PRICE = 10.0
@@ -58,58 +61,40 @@ def find_outliers(fit: StudyFit) -> Bursts:
 def tails(off: FloatArray) -> Tails:
     """Weigh that samples (n,) hold some that are further off than noise.
 
-    H0: Student's t, any degrees of freedom, with any rarer normal part up to `TAIL` deviations: heavy tails. H1: the
-    same, and beside it a part beyond `FAR`. Samples are taken as independent; both are fitted to their counts.
+    H0: noise of any bulk and any heavy tails, of one source or of several: normals of at most `TAIL` deviations and
+    Student's t of at most `LARGEST`, in any shares. H1: the same, and beside them normals beyond `FAR`. Samples are
+    taken as independent; the shares are the likeliest of their counts (Kiefer and Wolfowitz, Ann. Math. Statist.
+    27:887, 1956): as the likelihood has one maximum in them, it is found from anywhere.
     """
     counts = np.histogram(np.abs(off), EDGES)[0].astype(np.float64)
-    far = np.abs(off)[np.abs(off) > FAR]
-    if not far.size:
+    furthest = float(np.abs(off).max(initial=0.0))
+    if furthest <= FAR:
         return Tails(0.0, 0.0)
-    least = 0.1 / len(off)
-    noise_bounds = [(1.5, 150.0), (0.1, 3.0), (least, OFTEN), (1.0, TAIL)]
-    far_bounds = [(least, OFTEN), (FAR, 100.0 * float(far.max()))]
-    starts = [(freedom, 1.0, 1e-3, 0.5 * TAIL) for freedom in FREEDOMS]
-    noise = _best(counts, starts, noise_bounds)
-    rare = far.size / len(off)
-    sizes = (2.0 * FAR, float(np.median(far)), float(np.sqrt(np.mean(far**2))))
-    # noise that took the far part up has bent its bulk for it
-    beside = [(*parts, rare, sd) for parts in (noise[1], starts[-1]) for sd in sizes]
-    with_far = _best(counts, beside, [*noise_bounds, *far_bounds])
-    far_sd = float(with_far[1][-1])
+    sizes = FAR * STEP ** np.arange(np.ceil(np.log(furthest / FAR) / np.log(STEP)) + 1.0)
+    normals, beyond = (2.0 * -np.diff(ndtr(-EDGES / sd[:, None])) for sd in (NORMALS, sizes))
+    heavy = [-np.diff(stdtr(freedom, -EDGES / scale)) for freedom in FREEDOMS for scale in SCALES]
+    noise = np.concatenate([normals, 2.0 * np.array(heavy)])
+    without, _ = _likeliest(counts, noise)
+    with_far, shares = _likeliest(counts, np.concatenate([noise, beyond]))
+    far = shares[len(noise) :]
+    far_sd = float(np.sqrt(far @ sizes**2 / max(float(far.sum()), 1e-300)))
     if far_sd <= (1.0 + AT_BOUND) * FAR:
-        # no part of its own: it mends what a t is not right about
+        # no part of its own: it mends what noise is not right about
         return Tails(0.0, far_sd)
-    # what noise alone can do is known from there too
-    noise = min(noise, _best(counts, [tuple(with_far[1][:-2])], noise_bounds), key=lambda m: m[0])
-    return Tails(noise[0] - with_far[0] - PRICE, far_sd)
+    return Tails(with_far - without - PRICE, far_sd)
 
 
-def _best(
-    counts: FloatArray, starts: Sequence[Sequence[float]], bounds: Sequence[tuple[float, float]]
-) -> tuple[float, FloatArray]:
-    """Return -ln likelihood of counts under a t with rarer normal parts at its best, and the parameters there.
+def _likeliest(counts: FloatArray, parts: FloatArray) -> tuple[float, FloatArray]:
+    """Return ln likelihood of counts (B,) under a mixture of parts (K, B) at its likeliest, and their shares (K,).
 
-    They are the t's degrees of freedom and scale, and each rarer part's share and its deviation.
+    By EM, in rounds until one gains nothing that counts.
     """
-
-    def misfit(x: FloatArray) -> float:
-        freedom, scale, *parts = np.exp(x)
-        # tails below: what is far out is not lost in the rounding of one
-        p = (1.0 - sum(parts[::2])) * -np.diff(stdtr(freedom, -EDGES / scale))
-        for share, sd in zip(parts[::2], parts[1::2], strict=True):
-            p += share * -np.diff(ndtr(-EDGES / sd))
-        return -float(counts @ np.log(np.maximum(2.0 * p, 1e-300)))
-
-    within = np.log(bounds)
-    fits = [
-        minimize(
-            misfit,
-            np.clip(np.log(start), within[:, 0], within[:, 1]),
-            bounds=Bounds(within[:, 0], within[:, 1]),
-            method="Nelder-Mead",
-            options={"maxiter": 1000, "xatol": 1e-3, "fatol": 0.05, "adaptive": True},
-        )
-        for start in starts
-    ]
-    found = min(fits, key=lambda fit: float(fit.fun))
-    return float(found.fun), np.exp(found.x)
+    n, shares, before = float(counts.sum()), np.full(len(parts), 1.0 / len(parts)), -np.inf
+    while True:
+        for _ in range(ROUND):
+            expected = np.maximum(shares @ parts, 1e-300)
+            shares = shares * (parts @ (counts / expected)) / n
+        now = float(counts @ np.log(np.maximum(shares @ parts, 1e-300)))
+        if now - before < DONE:
+            return now, shares
+        before = now

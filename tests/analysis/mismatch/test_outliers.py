@@ -15,7 +15,8 @@ N = 200_000
 
 @settings(deadline=None)
 @given(
-    st.integers(0, 10**6), st.sampled_from(["normal", "t5", "t2.5", "laplace", "rarely five times as large"])
+    st.integers(0, 10**6),
+    st.sampled_from(["normal", "t5", "t2.5", "laplace", "rarely five times as large", "t3 beside another"]),
 )
 def test_noise_of_any_tail_holds_no_outliers(seed: int, kind: str) -> None:
     random = np.random.default_rng(seed)
@@ -24,6 +25,7 @@ def test_noise_of_any_tail_holds_no_outliers(seed: int, kind: str) -> None:
         "t5": lambda: random.standard_t(5.0, N),
         "t2.5": lambda: random.standard_t(2.5, N),
         "laplace": lambda: random.laplace(size=N),
+        "t3 beside another": lambda: random.normal(size=N) + 0.37 * random.standard_t(3.1, N),
         "rarely five times as large": lambda: (
             random.normal(size=N) * np.where(random.random(N) < 0.01, 5.0, 1.0)
         ),

@@ -14,15 +14,15 @@ from analysis.simulation.samples import FAR, deviations
 
 FloatArray = NDArray[np.float64]
 
-EDGES = np.concatenate([[0.0], np.geomspace(0.05, 1e4, 300), [np.inf]])
-"""Robust deviations by which samples are counted."""
+STEP = 1.25
+"""From one deviation that is looked at to the next."""
+EDGES = np.concatenate([[0.0, 1.0, 2.0], 3.0 * STEP ** np.arange(37.0), [np.inf]])
+"""Robust deviations by which samples are counted: a step is wider than the levels of a converter lie apart."""
 TAIL = 6.0
 """Deviations that a second, rarer kind of noise may have; from `FAR` it is none."""
 LARGEST = 1.5
 """Deviations that a heavy tail may have, the bulk's being one."""
 NORMALS = np.geomspace(0.2, TAIL, 16)
-STEP = 1.25
-"""From one deviation that is tried to the next."""
 FREEDOMS, SCALES = (1.5, 2.0, 2.5, 3.0, 4.0, 6.0, 10.0), np.geomspace(0.05, LARGEST, 12)
 """Degrees of freedom of heavy tails, and their deviations."""
 ROUND, DONE = 200, 0.05

@@ -16,7 +16,9 @@ N = 200_000
 @settings(deadline=None)
 @given(
     st.integers(0, 10**6),
-    st.sampled_from(["normal", "t5", "t2.5", "laplace", "rarely five times as large", "t3 beside another"]),
+    st.sampled_from(
+        ["normal", "t5", "t2.5", "laplace", "rarely five times as large", "t3 beside another", "t3 in levels"]
+    ),
 )
 def test_noise_of_any_tail_holds_no_outliers(seed: int, kind: str) -> None:
     random = np.random.default_rng(seed)
@@ -26,6 +28,7 @@ def test_noise_of_any_tail_holds_no_outliers(seed: int, kind: str) -> None:
         "t2.5": lambda: random.standard_t(2.5, N),
         "laplace": lambda: random.laplace(size=N),
         "t3 beside another": lambda: random.normal(size=N) + 0.37 * random.standard_t(3.1, N),
+        "t3 in levels": lambda: 0.33 * np.round(random.standard_t(3.1, N) / 0.33),
         "rarely five times as large": lambda: (
             random.normal(size=N) * np.where(random.random(N) < 0.01, 5.0, 1.0)
         ),

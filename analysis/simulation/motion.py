@@ -161,9 +161,9 @@ def _servo_explains(recorded_mm: FloatArray, servo_mm: FloatArray) -> bool:
 def estimate_motion(trial: Trial, servo: FoundServo = NOMINAL_SERVO) -> Motion:
     """Return the motion behind a recording: the servo's answer plus the smoothed rest.
 
-    The rest is smoothed over 0.8 ms near kinks, where it may be fast, and over 5 ms elsewhere, or as much more as it
-    bears: what stays of its noise would be a force in contact. Without a command the recorded position itself is
-    smoothed so.
+    The rest is smoothed over 0.8 ms near kinks, where it may be fast, and over 5 ms elsewhere, or in both as much more
+    as it bears: what stays of its noise would be a force in contact, which a dashpot and a delay together smooth away.
+    Without a command the recorded position itself is smoothed so.
     """
     rate, recorded = trial.sample_rate_hz, trial.position_mm
     kinks, shake = find_kinks(trial), np.zeros((len(recorded), 2))
@@ -193,7 +193,7 @@ def estimate_motion(trial: Trial, servo: FoundServo = NOMINAL_SERVO) -> Motion:
     for k in kinks:
         near[max(0, k - half) : k + half] = 1.0
     near = gaussian_filter1d(near, max(1.0, half / 4))
-    fast = smoothed(rest, max(0.3, FAST_SMOOTHING_S * rate))
+    fast = smoothed(rest, width_for_rest(rest, near, max(0.3, FAST_SMOOTHING_S * rate)))
     slow = smoothed(rest, width_for_rest(rest, 1.0 - near, max(0.3, SLOW_SMOOTHING_S * rate)))
     smooth = near * fast + (1.0 - near) * slow
     rest_v = steady_velocity(rest, max(0.3, RATE_SMOOTHING_S * rate)) * rate

@@ -81,7 +81,7 @@ def fit_trial(
             state, now, residual = tried, new, new_residual
             if gained < done:
                 break
-            if gained < SLOW * now or old:
+            if gained < SLOW * now:
                 old = True
                 continue
             damping = max(damping / 10.0, 1e-9)

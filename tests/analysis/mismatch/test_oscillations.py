@@ -365,12 +365,24 @@ def test_what_turns_slower_than_a_breath_is_none(record: Callable[..., list[Tria
         assert anywhere.may_be(breath) is is_breath
 
 
-def _with_a_pulse(record: Callable[..., list[Trial]], amplitude_um: float) -> Account:
-    """Return a study with a pulse under a punch that dwells 40 to 140 um deep, each trial fitted."""
+def _on_a_pulse(record: Callable[..., list[Trial]], amplitude_um: float, seed: int) -> StudyFit:
+    """Return the baseline of a study with a pulse under a punch that dwells 40 to 140 um deep."""
     pulse = f'[[effects]]\nname = "heartbeat"\namplitude_um = {amplitude_um}\nfrequency_hz = 1.2\n'
     plans = study_plans(depths_mm=(0.5,), repeats=4, hold_s=3.0, dwell_s=1.0)
-    start = Account(fit_baseline(take_in_memory(record(61, pulse, plans)).trials))
+    return fit_baseline(take_in_memory(record(seed, pulse, plans)).trials)
+
+
+def _with_a_pulse(record: Callable[..., list[Trial]], amplitude_um: float) -> Account:
+    """Return a study with such a pulse, each trial fitted."""
+    start = Account(_on_a_pulse(record, amplitude_um, 66))
     return own_options(start.quick(), "heartbeat")[0].refit()
+
+
+def test_what_nothing_stands_for_yet_takes_no_punch_off_the_skin(record: Callable[..., list[Trial]]) -> None:
+    """Columns from elsewhere gain with each step, and led a trial to 0.6 mm below where its arm ever was."""
+    fit = _on_a_pulse(record, 90.0, 61)
+    for trial, state in zip(fit.trials, fit.states, strict=True):
+        assert state.z0_mm < trial.position_mm.max() - 0.3
 
 
 def test_a_contact_that_small_steps_leave_too_low_is_begun_anew(

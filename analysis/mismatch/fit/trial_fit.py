@@ -47,8 +47,8 @@ def fit_trial(
 ) -> tuple[TrialState, float]:
     """Return the most probable own parameters of a trial, and the cost there.
 
-    ``own`` are its columns at this state, or ``near`` it. They are computed anew only where steps by the old ones no
-    longer help (the chord method).
+    ``own`` are its columns at this state, or ``near`` it. They are kept while steps by them gain little (the chord
+    method), and computed anew where one gains much, as none does near the best, or nothing.
     """
 
     def cost_of(s: TrialState) -> tuple[float, FloatArray]:

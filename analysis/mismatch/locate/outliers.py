@@ -23,6 +23,7 @@ TAIL = 6.0
 LARGEST = 1.5
 """Deviations that a heavy tail may have, the bulk's being one."""
 NORMALS = np.geomspace(0.2, TAIL, 16)
+"""Deviations of the bulk's parts and of the rarer ones."""
 FREEDOMS, SCALES = (1.5, 2.0, 2.5, 3.0, 4.0, 6.0, 10.0), np.geomspace(0.05, LARGEST, 12)
 """Degrees of freedom of heavy tails, and their deviations."""
 ROUND, DONE = 200, 0.05

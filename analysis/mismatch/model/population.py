@@ -27,6 +27,7 @@ PRIOR_SCATTERS = (0.02, 0.002)
 """What does not vary shrinks towards one of these, whichever tells better what trials not used for it are like: where
 one piece of skin is pressed again and again two hundredths are far too much."""
 ROUNDS = 60
+"""Of EM."""
 FEWEST_ALIKE = 4
 """Fewer trials that are alike may be so by chance: on living skin three pairs in ten, one in fifty of three."""
 

@@ -97,6 +97,8 @@ class Mechanism:
     settings at which its signature is taken (several where its shape depends on them). ``amplitude`` names the
     parameter that scales the effect: it is what a report says the size of.
 
+    ``of_reading``: what it does to the sensor's force is done to the reading, which has the trial's offset in it.
+
     ``of_site``: its size is the skin's where it was pressed, and differs between sites as the tissue's constants do.
 
     ``inseparable`` names mechanisms of the same shape to the eye of any one experiment of this kind; they are listed
@@ -119,6 +121,7 @@ class Mechanism:
     needs_contact: ClassVar[bool] = True
     of_site: ClassVar[bool] = False
     sensor_rank: ClassVar[int] = 0
+    of_reading: ClassVar[bool] = False
     words: ClassVar[str] = ""
     source: ClassVar[str] = ""
     separated_by: ClassVar[str] = ""

@@ -17,6 +17,7 @@ FloatArray = NDArray[np.float64]
 
 STEP_LOG = 1e-4
 STEP_OF_DEPTH = 1e-5
+STEP_OF_FORCE = 1e-5
 STEP_OF_SPREAD = 1e-3
 NOTHING, LEAST = 1e-13, 1e-300
 
@@ -84,7 +85,7 @@ def force_columns(trial: CellTrial, state: TrialState, shared: Shared) -> ForceC
     base = simulate(trial, state, shared, own)
     columns = [trial.force_mn - base]
     if trial.frees_offset:
-        columns.append(np.ones_like(base))
+        columns.append(_offset_column(trial, state, shared, base))
     if trial.touches:
         step = STEP_OF_DEPTH * max(abs(trial.depth_mm), 1e-6)
         columns.append((simulate(trial, replace(state, z0_mm=state.z0_mm + step), shared, own) - base) / step)
@@ -114,6 +115,15 @@ def force_columns(trial: CellTrial, state: TrialState, shared: Shared) -> ForceC
         there = simulate(trial, state, shared, {**own, acts: own[acts] + steps * shapes})
         found[:, len(columns) + at] = ((there - base) / steps).T
     return ForceColumns(found, slice(first, last))
+
+
+def _offset_column(trial: CellTrial, state: TrialState, shared: Shared, base: FloatArray) -> FloatArray:
+    """Return the change of a trial's force (n,) by its offset: as much, where no law bends what is read."""
+    if not any(law.mechanism.of_reading for law in shared.laws):
+        return np.ones_like(base)
+    step = STEP_OF_FORCE * max(float(np.ptp(trial.force_mn)), 1e-12)
+    higher = replace(state, offset_mn=state.offset_mn + step)
+    return (simulate(trial, higher, shared) - base) / step
 
 
 def own_columns(

@@ -9,7 +9,10 @@ from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Valu
 
 
 class ForceSaturation(Mechanism):
-    """F above ``level_mn`` keeps only the share ``slope_above`` of its rise (0: cut), within a share ``knee`` of it."""
+    """F above ``level_mn`` keeps only the share ``slope_above`` of its rise (0: cut), within a share ``knee`` of it.
+
+    F is what the channel reads, the trial's offset with it: that is what has a range.
+    """
 
     name = "force_saturation"
     stage = "sensor"
@@ -20,7 +23,7 @@ class ForceSaturation(Mechanism):
     )
     amplitude = "level_mn"
     null = {"level_mn": 1.0e9, "slope_above": 0.0, "knee": 0.01}
-    sensor_rank = 3
+    of_reading = True
     words = "the force channel runs out of range: readings above a level are bent or cut"
     source = "converter and amplifier range"
     separated_by = "smaller depth"

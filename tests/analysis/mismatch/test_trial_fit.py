@@ -15,6 +15,7 @@ from analysis.mismatch.evidence.account import Account, with_own_sizes
 from analysis.mismatch.fit import study_fit
 from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.fit.law_fit import centred
+from analysis.mismatch.fit.own import force_columns
 from analysis.mismatch.fit.trial_fit import bounded, fit_trial
 from analysis.mismatch.model.effects import Law, Shared, simulate
 from analysis.mismatch.study.intake import take_in_memory
@@ -64,6 +65,20 @@ def test_a_step_to_where_no_force_is_a_number_is_refused(record: Callable[..., l
     found, cost = fit_trial(trial, whitener, beyond, fit.shared, fit.population, own, near=True)
     assert found is beyond
     assert cost == np.inf
+
+
+def test_an_offset_moves_no_reading_that_is_cut(record: Callable[..., list[Trial]]) -> None:
+    trials = record(41, plans=study_plans(depths_mm=(0.5,), repeats=3, hold_s=1.0, dwell_s=0.2))
+    fit = fit_baseline(take_in_memory(trials).trials)
+    trial, state, saturation = fit.trials[0], fit.states[0], library()["force_saturation"]
+    level_mn = 0.9 * float(trial.force_mn.max())
+    law = Law(saturation, {**saturation.null, "level_mn": level_mn, "knee": 1e-3}, ("level_mn",))
+    by_offset = force_columns(trial, state, Shared((law,))).columns_mn[:, 1]
+    cut = simulate(trial, state, Shared()) > 1.02 * level_mn
+    below = simulate(trial, state, Shared()) < 0.98 * level_mn
+    assert cut.any()
+    np.testing.assert_allclose(by_offset[cut], 0.0, atol=1e-6)
+    np.testing.assert_allclose(by_offset[below], 1.0, atol=1e-6)
 
 
 def test_of_all_fits_only_the_latest_hold_their_columns(

@@ -85,6 +85,24 @@ def test_rows_are_simulated_as_one_by_one(mechanism: Mechanism, trial: CellTrial
         assert simulate_force(trial, TISSUE, own, added, **alone).shape == surface_mm.shape
 
 
+@pytest.mark.parametrize("offset_mn", [-7.0, 4.0])
+def test_a_channel_s_range_is_that_of_its_reading(offset_mn: float, trial: CellTrial) -> None:
+    """With an offset the level is reached by another force, and nothing but the offset is different below it."""
+    saturation, own = library()["force_saturation"], PerTrial(trial.z0_start_mm, 0.0)
+    level_mn = 0.8 * float(np.ptp(simulate_force(trial, TISSUE, own)))
+
+    def read_mn(offset_mn: float) -> np.ndarray:
+        values = {"level_mn": level_mn, "slope_above": 0.0, "knee": 1e-3}
+        return simulate_force(trial, TISSUE, replace(own, offset_mn=offset_mn), [(saturation, values)])
+
+    plain_mn, there_mn = simulate_force(trial, TISSUE, own), read_mn(offset_mn)
+    above = plain_mn + offset_mn > 1.02 * level_mn
+    below = plain_mn + offset_mn < 0.98 * level_mn
+    assert above.any() and below.any()
+    np.testing.assert_allclose(there_mn[above], level_mn, rtol=1e-6)
+    np.testing.assert_allclose(there_mn[below], plain_mn[below] + offset_mn, rtol=0, atol=1e-6 * level_mn)
+
+
 @pytest.mark.parametrize("name", ["adhesion", "coulomb_friction", "force_saturation", "stiffening"])
 def test_units_of_length_and_force_change_nothing(name: str, trial: CellTrial) -> None:
     """Written in other units every quantity of a recording is another number, and the fit of a law the same."""

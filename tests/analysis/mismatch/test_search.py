@@ -324,6 +324,27 @@ def test_what_says_more_than_an_effect_that_shows_is_tried_beside_it(
     assert not worth_trying(account, account, (0.0, 0.0), None).options
 
 
+def test_a_law_that_says_more_than_one_that_shows_is_tried_beside_it(
+    monkeypatch: pytest.MonkeyPatch, record: Callable[..., list[Trial]]
+) -> None:
+    """Of a power law the noise had left a third arm, which says less, but nothing of itself."""
+    wandering = "[noise]\nforce_mn_rms = 0.2\nwander_mn_rms = 0.6\nwander_time_s = 1.0\n"
+    account = Account(fit_baseline(take_in_memory(record(57, wandering)).trials))
+    quick = {"power_law_relaxation": 8400.0, "third_relaxation": 7100.0, "parallel_dashpot": 6900.0}
+    beside = {"power_law_relaxation": 0.0, "third_relaxation": 23.0, "parallel_dashpot": 0.0}
+
+    def laws(found_in: Account, *_: object) -> list[Option]:
+        by_name = beside if found_in is account else quick
+        return [Option(name, nats, 10.0, found_in, lambda same: same) for name, nats in by_name.items()]
+
+    monkeypatch.setattr(tries, "law_options", laws)
+    monkeypatch.setattr(tries, "own_options", lambda *_: [])
+    tried = worth_trying(account, account, (0.0, 0.0), None).options
+    assert set(tried) == {"power_law_relaxation", "third_relaxation"}
+    beside["third_relaxation"] = 0.0
+    assert not worth_trying(account, account, (0.0, 0.0), None).options
+
+
 def test_what_laws_were_off_for_want_of_frees_them() -> None:
     off, exact = (replace(_account([0.0] * 4, [0.0] * 4), inexact=share) for share in (INEXACT, 0.0))
     assert frees(exact, off)

@@ -80,9 +80,10 @@ def inexact_effects(fit: StudyFit, j: int, names: Sequence[str]) -> list[FloatAr
     return found
 
 
-def exact_state(state: TrialState) -> TrialState:
-    """Return the state of a trial without what its effects are granted to be off by."""
-    return state.with_only([k for k, x in enumerate(state.shapes) if x.kind != INEXACT_KIND])
+def exact_state(state: TrialState, effect: str = "") -> TrialState:
+    """Return the state of a trial without what its effects, or one of them, are granted to be off by."""
+    granted = {k for k, x in enumerate(state.shapes) if x.kind == INEXACT_KIND and effect in ("", x.effect)}
+    return state.with_only([k for k in range(len(state.shapes)) if k not in granted])
 
 
 def law_effects(fit: StudyFit, j: int) -> list[FloatArray]:

@@ -18,6 +18,7 @@ from analysis.mismatch.fit.whitener import Whitener
 from analysis.mismatch.levels import FEWEST_HELD_OUT
 from analysis.mismatch.model.effects import Shared, TrialState, simulate
 from analysis.mismatch.model.population import FEWEST_ALIKE, Population, estimate, site_variance
+from analysis.mismatch.model.rhythm import HARMONIC
 from analysis.simulation.cells import CellTrial
 
 FloatArray = NDArray[np.float64]
@@ -152,7 +153,10 @@ class StudyFit:
                 tissue_likelihood(own, s) for own, s in zip(fit.own, fit.states, strict=True) if s.has_tissue
             ]
             population = estimate(likelihoods, fit.population)
-            near, fit = fit, replace(fit, states=sizes_scattered(fit), population=population)
+            near, fit = (
+                fit,
+                replace(fit, states=rhythms_sized(fit, sizes_scattered(fit)), population=population),
+            )
         return fit.with_states(near=near)
 
     def following(self) -> StudyFit:
@@ -204,6 +208,25 @@ def sizes_scattered(fit: StudyFit) -> tuple[TrialState, ...]:
         variance = site_variance(*np.array(likelihoods).T)
         states = tuple(s.known_to(at[j], variance) if j in at else s for j, s in enumerate(states))
     return states
+
+
+def rhythms_sized(fit: StudyFit, states: Sequence[TrialState]) -> tuple[TrialState, ...]:
+    """Return the trials' states with their slow rhythms known to be as large beforehand as all trials tell.
+
+    The mean square of what is drawn about zero, by a step of EM: one that is known to be smaller is drawn to nothing.
+    Overtones keep their shares of it.
+    """
+    found: dict[str, list[float]] = {}
+    for own, state in zip(fit.own, fit.states, strict=True):
+        rhythms = {shape.effect for shape in state.shapes if shape.kind == HARMONIC}
+        spread = np.diag(own.solve(np.eye(own.n_own))) if rhythms else np.zeros(0)
+        for effect in rhythms:
+            mine = np.array(state.shapes.of(effect))
+            known = np.array([state.shapes[k].prior for k in mine])
+            squares = state.coefficients[mine] ** 2 + spread[own.tissue.stop + mine]
+            found.setdefault(effect, []).extend(squares / known)
+    by = {effect: float(np.mean(of_it)) for effect, of_it in found.items()}
+    return tuple(state.larger(by) for state in states)
 
 
 def size_likelihood(own: OwnColumns, state: TrialState, k: int) -> tuple[float, float]:

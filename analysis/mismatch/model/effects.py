@@ -147,6 +147,14 @@ class TrialState:
         there = replace(self.shapes[at], prior=variance)
         return replace(self, shapes=OwnShapes((*self.shapes[:at], there, *self.shapes[at + 1 :])))
 
+    def larger(self, by: Mapping[str, float]) -> TrialState:
+        """Return the state with surfaces that some effects move known to so many times their variance beforehand."""
+        if not any(shape.effect in by for shape in self.shapes):
+            return self
+        moved = (by.get(shape.effect, 1.0) if shape.acts == "surface" else 1.0 for shape in self.shapes)
+        known = (replace(s, prior=m * s.prior) for s, m in zip(self.shapes, moved, strict=True))
+        return replace(self, shapes=OwnShapes(known))
+
     def without(self, effect: str) -> TrialState:
         """Return the state without the shapes and rhythms of one effect; itself where it has none."""
         there = self.with_only([k for k, shape in enumerate(self.shapes) if shape.effect != effect])

@@ -13,6 +13,8 @@ from analysis.simulation.cells import CellTrial
 FloatArray = NDArray[np.float64]
 
 HIGHEST_HZ = 15.0
+HARMONIC = "harmonic"
+"""Marks the shapes of the overtones of a rhythm that has too few cycles for a band."""
 CYCLES = 1.25
 """No rhythm changes within a cycle or so."""
 OVERTONES = {2: 0.3, 3: 0.15, 4: 0.1, 5: 0.07, 6: 0.05}

@@ -14,7 +14,7 @@ from analysis.mismatch.fit.rhythms import with_rhythm
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import INEXACT
 from analysis.mismatch.model.effects import OwnShape, touches
-from analysis.mismatch.model.rhythm import CYCLES, HIGHEST_HZ, Rhythm, overtones, sine, waves
+from analysis.mismatch.model.rhythm import CYCLES, HARMONIC, HIGHEST_HZ, Rhythm, overtones, sine, waves
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.mechanism import Mechanism, library
 
@@ -32,7 +32,7 @@ WANDERS = 0.06
 """A body's rhythm differs by so much between trials."""
 SIZES = np.geomspace(3.0, 3e3, 9)
 UNKNOWN_SIZE = 1.5
-HARMONIC, WANDERING = "harmonic", "wandering"
+WANDERING = "wandering"
 NAMELESS = "oscillation"
 """An oscillation in no band of the library."""
 TUNED, TUNED_SHARE = 25, 0.15

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.mismatch.evidence.account import Account
+from analysis.mismatch.evidence.inexactness import exact_state
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import INEXACT
 from analysis.mismatch.model.effects import simulate, touches
@@ -82,9 +83,14 @@ def would_do(account: Account, mechanism: Mechanism) -> WouldDo | None:
 def own_sizes(account: Account, mechanism: Mechanism, unsure_at: float = 0.0) -> dict[str, Quantity]:
     """Return the size of an event or an oscillation: mean over the trials that have it, error from their spread.
 
-    ``unsure_at`` is the standard deviation, in all trials alike, of where it is.
+    ``unsure_at`` is the standard deviation, in all trials alike, of where it is. A part of it that stands as what it is
+    granted to be off by is its own: each of a trial's several shapes is drawn to nothing, and that part spares them.
     """
-    each = _shape_sizes(account.fit, mechanism) + _rhythm_sizes(account.fit, mechanism)
+    fit = account.fit
+    if account.inexact:
+        states = (exact_state(state, mechanism.name) for state in fit.states)
+        fit = replace(fit, states=tuple(states)).with_states()
+    each = _shape_sizes(fit, mechanism) + _rhythm_sizes(fit, mechanism)
     sizes, errors, places = (list(values) for values in zip(*each, strict=True))
     unit = 1e3 if mechanism.stage == "specimen" else 1.0
     values: FloatArray = unit * np.array(sizes)

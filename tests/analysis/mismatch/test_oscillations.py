@@ -233,8 +233,8 @@ def _oscillating(
     return _as_scanned(fit_baseline(take_in_memory(trials).trials), name, hz)
 
 
-def _as_scanned(fit: StudyFit, name: str, hz: float) -> StudyFit:
-    scan = OscillationScan(100.0, hz, 0.01, name, np.zeros(0))
+def _as_scanned(fit: StudyFit, name: str, hz: float, size_mm: float = 0.01) -> StudyFit:
+    scan = OscillationScan(100.0, hz, size_mm, name, np.zeros(0))
     return with_oscillation(fit, scan)
 
 
@@ -283,6 +283,20 @@ def test_a_breath_of_one_cycle_wanders_within_its_trial(record: Callable[..., li
         columns = np.array([s.shape for s in mine])[:, touching].T
         left = surface_mm - columns @ np.linalg.lstsq(columns, surface_mm)[0]
         assert np.std(left) < 0.01 * np.std(surface_mm)
+
+
+def test_a_breath_is_as_large_as_it_is_wherever_it_was_looked_for(record: Callable[..., list[Trial]]) -> None:
+    """Sizes are looked for in steps of more than two, and what it is granted to be off by spares it its own size."""
+    plans = study_plans(depths_mm=(0.5,), repeats=8, hold_s=6.0, dwell_s=0.4)
+    resting = fit_baseline(take_in_memory(record(45, BREATH, plans)).trials)
+    breath, found_um = library()["respiration"], []
+    for size_mm in (0.005, 0.014, 0.04):
+        there = _as_scanned(resting, "respiration", 0.25, size_mm).with_population(3)
+        breathing = Account(there, steps={"respiration": 0.0})
+        granted = breathing.inexact_to(0.1)
+        granted = replace(granted, fit=granted.fit.with_states())
+        found_um += [own_sizes(a, breath)["amplitude_um"].value for a in (breathing, granted)]
+    assert np.ptp(found_um) < 0.02 * np.mean(found_um)
 
 
 @pytest.mark.parametrize("hz", [1.0, 1.7, 2.2])

@@ -66,9 +66,9 @@ def worth_trying(
             # of rhythms only the band that says most is listed
             if looks_like.name not in signs:
                 signs |= {o.name: o.nats for o in own_options(account, looks_like.name)}
-    for some in worth[1:]:
+    for some, every in zip(worth[1:], listed[1:], strict=True):
         # where one shows beside the noise something is there of its kind, and may be another that says more
-        shown = [o.nats for o in some if signs.get(o.name, 0.0) > 0.5 * o.enough]
+        shown = [o.nats for o in every if signs.get(o.name, 0.0) > 0.5 * o.enough]
         signs |= {o.name: o.nats for o in some if shown and o.nats > min(shown)}
     if among is None:
         # found beside the noise it may be elsewhere, or be less bent by what else is slow

@@ -341,7 +341,10 @@ def test_a_law_that_says_more_than_one_that_shows_is_tried_beside_it(
     monkeypatch.setattr(tries, "own_options", lambda *_: [])
     tried = worth_trying(account, account, (0.0, 0.0), None).options
     assert set(tried) == {"power_law_relaxation", "third_relaxation"}
-    beside["third_relaxation"] = 0.0
+    # also where what shows says far less than the best do
+    beside["third_relaxation"], beside["force_lag"], quick["force_lag"] = 0.0, 266.0, 70.0
+    assert set(worth_trying(account, account, (0.0, 0.0), None).options) == set(quick)
+    beside["force_lag"] = 0.0
     assert not worth_trying(account, account, (0.0, 0.0), None).options
 
 

@@ -28,13 +28,10 @@ from analysis.mismatch.fit.noise import SLOW_S, NoiseModel
 from analysis.mismatch.fit.steadied import steadied
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import ENOUGH_SHARED, FEWEST_HELD_OUT, INEXACT, ROUGH
-from analysis.mismatch.model.effects import Law, OwnShape
-from analysis.mismatch.model.population import OF_SITE
+from analysis.mismatch.model.effects import Law
 from analysis.recordings.trial import PHASE_NAMES
 
 FloatArray = NDArray[np.float64]
-
-SITE_KIND = "site"
 
 
 @dataclass(frozen=True)
@@ -42,13 +39,15 @@ class Account:
     """A fitted simulation; ``steps`` are the kinds of events and oscillations in it, each with its price in nats.
 
     That price is what it takes to have looked for it at every time or frequency. ``inexact`` is the share
-    of their size by which its effects may be off, ``granted`` the nats that this brought.
+    of their size by which its effects may be off, but for those ``taken_as_exact``, ``granted`` the nats that this
+    brought.
     """
 
     fit: StudyFit
     steps: Mapping[str, float] = field(default_factory=dict)
     inexact: float = 0.0
     granted: float = 0.0
+    taken_as_exact: frozenset[str] = frozenset()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -58,7 +57,7 @@ class Account:
     @cached_property
     def may_be_off(self) -> tuple[str, ...]:
         """Names of the effects that may be granted to be off."""
-        return inexact_names(self.fit)
+        return tuple(name for name in inexact_names(self.fit) if name not in self.taken_as_exact)
 
     @cached_property
     def grams(self) -> Grams:
@@ -256,7 +255,7 @@ class Account:
 
     def inexact_to(self, share: float) -> Account:
         """Return the account with its laws granted to be off by a share; what is linear need not be refitted."""
-        return replace(self, fit=with_inexactness(self.fit, share), inexact=share)
+        return replace(self, fit=with_inexactness(self.fit, share, self.may_be_off), inexact=share)
 
     @property
     def exact(self) -> Account:
@@ -280,21 +279,3 @@ class Account:
         Slow noise that an effect was taken for had left them anywhere.
         """
         return max(self.at_noise(noise), self.begun_anew(noise), key=lambda a: a.nats)
-
-
-def with_own_sizes(fit: StudyFit) -> StudyFit:
-    """Return the fit in which laws that are the skin's have a size of their own in every trial.
-
-    Of one or two trials none can say how it differs.
-    """
-    if len(fit.trials) < FEWEST_HELD_OUT:
-        return fit
-    states = []
-    for trial, state in zip(fit.trials, fit.states, strict=True):
-        shapes = [
-            OwnShape(law.name, "size", np.zeros(0), OF_SITE**2, kind=SITE_KIND)
-            for law in fit.shared.laws
-            if law.mechanism.of_site and law.mechanism.applies(trial) and law.name not in state.shapes.sizes
-        ]
-        states.append(state.with_shapes(shapes))
-    return replace(fit, states=tuple(states))

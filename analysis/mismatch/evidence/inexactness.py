@@ -29,9 +29,10 @@ SETTLES_S = 0.02
 """What of a law comes at once when a phase begins is over in such a time."""
 
 
-def with_inexactness(fit: StudyFit, share: float) -> StudyFit:
-    """Return the fit in which every effect may be off by a share of its size, differently in every trial and phase."""
-    names = inexact_names(fit)
+def with_inexactness(fit: StudyFit, share: float, names: Sequence[str]) -> StudyFit:
+    """Return the fit in which effects (of `inexact_names`) may be off by a share of their size, differently in every
+    trial and phase.
+    """
     states = []
     for j, state in enumerate(fit.states):
         own = inexact_columns(fit.trials[j], inexact_effects(fit, j, names))
@@ -67,8 +68,10 @@ def inexact_names(fit: StudyFit) -> tuple[str, ...]:
 
 
 def inexact_effects(fit: StudyFit, j: int, names: Sequence[str]) -> list[FloatArray]:
-    """Return what each of `inexact_names` changes in the j-th trial's force, (n,) mN each."""
-    found, own = law_effects(fit, j), names[len(fit.shared.laws) :]
+    """Return what each of some of `inexact_names` changes in the j-th trial's force, (n,) mN each."""
+    of_laws = dict(zip([law.name for law in fit.shared.laws], law_effects(fit, j), strict=True))
+    found = [effect for name, effect in of_laws.items() if name in names]
+    own = [name for name in names if name not in of_laws]
     if not own:
         return found
     trial, state = fit.trials[j], exact_state(fit.states[j])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.levels import (
@@ -35,12 +36,18 @@ def left_over(account: Account, explained: float, adds: Mapping[str, float]) -> 
 def explains_itself(account: Account, before: Account, gain: float, asked: float) -> bool:
     """Return whether what an account gains over the one before is not just what laws may be off by.
 
-    Those before it are granted to be as much off without it as with it. The first is to be nearly right itself.
+    Those before it are granted to be as much off without it as with it. The first is to be nearly right itself. Others
+    may be off, too, or be exact: what is granted to a weak one costs more than it brings.
     """
     if not before.may_be_off or len(account.fit.trials) < FEWEST_HELD_OUT:
         return gain - max(account.granted - before.granted, 0.0) >= KEPT * gain
     share = max(account.rough.inexact, before.rough.inexact)
-    return account.rough.off_by(share).gain_over(before.rough.off_by(share))[0] >= asked
+    without = before.rough.off_by(share)
+    if account.rough.off_by(share).gain_over(without)[0] >= asked:
+        return True
+    added = frozenset(account.may_be_off) - frozenset(before.may_be_off)
+    exact = replace(account.exact, taken_as_exact=added)
+    return bool(added) and exact.off_by(share).gain_over(without)[0] >= asked
 
 
 def frees(account: Account, before: Account) -> bool:

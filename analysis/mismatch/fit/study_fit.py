@@ -16,8 +16,8 @@ from analysis.mismatch.fit.rhythms import followed
 from analysis.mismatch.fit.trial_fit import ROUNDS, fit_trial, penalty
 from analysis.mismatch.fit.whitener import Whitener
 from analysis.mismatch.levels import FEWEST_HELD_OUT
-from analysis.mismatch.model.effects import Shared, TrialState, simulate
-from analysis.mismatch.model.population import FEWEST_ALIKE, Population, estimate, site_variance
+from analysis.mismatch.model.effects import OwnShape, Shared, TrialState, simulate
+from analysis.mismatch.model.population import FEWEST_ALIKE, OF_SITE, Population, estimate, site_variance
 from analysis.mismatch.model.rhythm import HARMONIC
 from analysis.simulation.cells import CellTrial
 
@@ -26,6 +26,8 @@ FloatArray = NDArray[np.float64]
 COLUMNS = {"force_columns", "own", "projectors"}
 """What a fit computes of itself and may compute again."""
 AT_REST = ("hold", "dwell")
+SITE_KIND = "site"
+"""Marks the trial's own size of a law."""
 MOST_HELD_BYTES = 5e8
 """A quarter of the 2 GB within which a diagnosis stays."""
 
@@ -177,6 +179,24 @@ class StudyFit:
         if "force_columns" in vars(self):  # those of the force are the same under any noise
             vars(fit)["force_columns"] = self.force_columns
         return fit
+
+
+def with_own_sizes(fit: StudyFit) -> StudyFit:
+    """Return the fit in which laws that are the skin's have a size of their own in every trial.
+
+    Of one or two trials none can say how it differs.
+    """
+    if len(fit.trials) < FEWEST_HELD_OUT:
+        return fit
+    states = []
+    for trial, state in zip(fit.trials, fit.states, strict=True):
+        shapes = [
+            OwnShape(law.name, "size", np.zeros(0), OF_SITE**2, kind=SITE_KIND)
+            for law in fit.shared.laws
+            if law.mechanism.of_site and law.mechanism.applies(trial) and law.name not in state.shapes.sizes
+        ]
+        states.append(state.with_shapes(shapes))
+    return replace(fit, states=tuple(states))
 
 
 def tissue_likelihood(own: OwnColumns, state: TrialState) -> tuple[FloatArray, FloatArray]:

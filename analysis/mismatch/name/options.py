@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.mismatch.evidence.account import Account, with_own_sizes
+from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.evidence.heldout import predictive_deviance
 from analysis.mismatch.evidence.scatter import scatter_explained
 from analysis.mismatch.fit.baseline import noise_left
@@ -17,7 +17,7 @@ from analysis.mismatch.fit.gram import gram, solve
 from analysis.mismatch.fit.law_fit import fit_laws
 from analysis.mismatch.fit.settled import Settled
 from analysis.mismatch.fit.steadied import steadied
-from analysis.mismatch.fit.study_fit import StudyFit
+from analysis.mismatch.fit.study_fit import StudyFit, with_own_sizes
 from analysis.mismatch.levels import (
     ENOUGH_OWN,
     ENOUGH_SHARED,

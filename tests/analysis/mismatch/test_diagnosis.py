@@ -14,6 +14,7 @@ from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.evidence.inexactness import (
     INEXACT_KIND,
     inexact_columns,
+    inexact_names,
     inexact_precision,
     law_effects,
     sample_columns,
@@ -199,7 +200,8 @@ def test_a_law_may_go_another_way_in_waves_by_a_third_of_what_it_is_off() -> Non
 
 
 def test_what_a_trial_s_law_may_be_off_by_holds_no_more_than_itself(rubbing: Diagnosis) -> None:
-    fit = with_inexactness(rubbing.improved.exact.fit, INEXACT)
+    exact = rubbing.improved.exact.fit
+    fit = with_inexactness(exact, INEXACT, inexact_names(exact))
     own = [shape.shape for state in fit.states for shape in state.shapes if shape.kind == INEXACT_KIND]
     assert own
     assert all(shape.base is None for shape in own)

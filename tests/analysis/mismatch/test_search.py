@@ -157,6 +157,22 @@ def test_what_a_law_may_leave_by_being_off_names_no_other() -> None:
     assert explains_itself(missing, before, 400.0, 25.0)
 
 
+def test_a_weak_law_need_not_be_granted_to_be_off(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An arc that gains 28 nats lost 54 by being granted a tenth of itself in every trial and phase."""
+    before, arc = _account([0.0] * 4, [-10.0] * 4), _account([7.0] * 4, [-23.5] * 4)
+    of_arc = _rival("lever_arc", 1.0, [0.0]).account.fit.shared.laws
+    shared = Shared((*arc.fit.shared.laws, *of_arc))
+    arc.__dict__["fit"] = SimpleNamespace(**{**vars(arc.fit), "shared": shared})
+
+    def off_by(account: Account, share: float) -> Account:
+        assert account.taken_as_exact <= {"lever_arc"}
+        return _account([-3.0] * 4, []) if account.taken_as_exact else account
+
+    monkeypatch.setattr(Account, "off_by", off_by)
+    assert explains_itself(arc, before, 28.0, 10.0)
+    assert not explains_itself(arc, before, 28.0, 30.0)
+
+
 @pytest.mark.parametrize(("led_astray", "here", "kept"), [(-700.0, -40.0, -40.0), (60.0, 90.0, 60.0)])
 def test_laws_granted_to_be_off_stay_where_they_stand_if_led_astray(
     monkeypatch: pytest.MonkeyPatch, led_astray: float, here: float, kept: float

@@ -11,11 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
-from analysis.mismatch.evidence.account import Account, with_own_sizes
+from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit import study_fit
 from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.fit.law_fit import centred
 from analysis.mismatch.fit.own import force_columns
+from analysis.mismatch.fit.study_fit import with_own_sizes
 from analysis.mismatch.fit.trial_fit import bounded, fit_trial
 from analysis.mismatch.model.effects import Law, Shared, simulate
 from analysis.mismatch.study.intake import take_in_memory

@@ -95,14 +95,12 @@ def simulate_force(
             new = _contact_force(trial, tip, z0, tissue, added, rigid_stiffness, ideal_step)
             contact = new if rounds == 1 else _relaxed(contact, new, trial, tissue, added, rigid_stiffness)
         contact = contact * (1.0 - lost_share)
-    by_rank = sorted(added, key=lambda item: item[0].sensor_rank)
     force = contact
-    for m, p in (item for item in by_rank if not item[0].of_reading):
+    for m, p in sorted(added, key=lambda item: item[0].sensor_rank):
         force = m.sensor_force_mn(trial, force, p)
-    force = force + own.offset_mn
-    for m, p in (item for item in by_rank if item[0].of_reading):
-        force = m.sensor_force_mn(trial, force, p)
-    return force
+    # a channel has one range
+    bends = next((item for item in added if item[0].bends_reading), None)
+    return bends[0].reading_mn(force, own.offset_mn, bends[1]) if bends else force + own.offset_mn
 
 
 def _relaxed(

@@ -97,8 +97,6 @@ class Mechanism:
     settings at which its signature is taken (several where its shape depends on them). ``amplitude`` names the
     parameter that scales the effect: it is what a report says the size of.
 
-    ``of_reading``: what it does to the sensor's force is done to the reading, which has the trial's offset in it.
-
     ``of_site``: its size is the skin's where it was pressed, and differs between sites as the tissue's constants do.
 
     ``inseparable`` names mechanisms of the same shape to the eye of any one experiment of this kind; they are listed
@@ -121,7 +119,6 @@ class Mechanism:
     needs_contact: ClassVar[bool] = True
     of_site: ClassVar[bool] = False
     sensor_rank: ClassVar[int] = 0
-    of_reading: ClassVar[bool] = False
     words: ClassVar[str] = ""
     source: ClassVar[str] = ""
     separated_by: ClassVar[str] = ""
@@ -156,8 +153,17 @@ class Mechanism:
         return contact_force_mn
 
     def sensor_force_mn(self, trial: CellTrial, force_mn: FloatArray, p: Values) -> FloatArray:
-        """The force that is recorded."""
+        """The force that the sensor makes of it."""
         return force_mn
+
+    def reading_mn(self, force_mn: FloatArray, offset_mn: float, p: Values) -> FloatArray:
+        """What is recorded of the sensor's force, with the trial's offset."""
+        return force_mn + offset_mn
+
+    @property
+    def bends_reading(self) -> bool:
+        """Whether an offset adds anything but itself to what is recorded."""
+        return type(self).reading_mn is not Mechanism.reading_mn
 
     def exchanged(self, tissue: Tissue, p: Values, arm: int) -> tuple[Tissue, Values] | None:
         """Return the same solid with the law's part of it for one of the tissue's arms, 1 or 2; None for most laws."""

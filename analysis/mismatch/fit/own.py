@@ -119,7 +119,7 @@ def force_columns(trial: CellTrial, state: TrialState, shared: Shared) -> ForceC
 
 def _offset_column(trial: CellTrial, state: TrialState, shared: Shared, base: FloatArray) -> FloatArray:
     """Return the change of a trial's force (n,) by its offset: as much, where no law bends what is read."""
-    if not any(law.mechanism.of_reading for law in shared.laws):
+    if not any(law.mechanism.bends_reading for law in shared.laws):
         return np.ones_like(base)
     step = STEP_OF_FORCE * max(float(np.ptp(trial.force_mn)), 1e-12)
     higher = replace(state, offset_mn=state.offset_mn + step)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from analysis.simulation.cells import CellTrial
 from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Values
 
 
 class ForceSaturation(Mechanism):
     """F above ``level_mn`` keeps only the share ``slope_above`` of its rise (0: cut), within a share ``knee`` of it.
 
-    F is what the channel reads, the trial's offset with it: that is what has a range.
+    F is what the channel reads, with the share ``with_offset`` of the trial's offset: with all of it in the textbook's,
+    as what drifts is the transducer; with none where a converter's own zero is off.
     """
 
     name = "force_saturation"
@@ -20,10 +20,10 @@ class ForceSaturation(Mechanism):
         Parameter("level_mn", "mN", 1e-9, 1.0e9, "log"),
         Parameter("slope_above", "1", 0.0, 0.98, inner=True),
         Parameter("knee", "1", 2e-4, 1.0, "log", inner=True),
+        Parameter("with_offset", "1", 0.0, 1.0, inner=True),
     )
     amplitude = "level_mn"
-    null = {"level_mn": 1.0e9, "slope_above": 0.0, "knee": 0.01}
-    of_reading = True
+    null = {"level_mn": 1.0e9, "slope_above": 0.0, "knee": 0.01, "with_offset": 1.0}
     words = "the force channel runs out of range: readings above a level are bent or cut"
     source = "converter and amplifier range"
     separated_by = "smaller depth"
@@ -32,11 +32,13 @@ class ForceSaturation(Mechanism):
         """Levels below the largest force of the recordings."""
         shares = (0.5, 0.65, 0.8, 0.9, 0.95, 0.98, 0.99)
         return tuple(
-            {"level_mn": share * peak_force_mn, "slope_above": 0.9, "knee": 0.01} for share in shares
+            {"level_mn": share * peak_force_mn, "slope_above": 0.9, "knee": 0.01, "with_offset": 1.0}
+            for share in shares
         )
 
-    def sensor_force_mn(self, trial: CellTrial, force_mn: FloatArray, p: Values) -> FloatArray:
+    def reading_mn(self, force_mn: FloatArray, offset_mn: float, p: Values) -> FloatArray:
         """F bent above the level."""
         knee = p["knee"] * p["level_mn"]
-        over = knee * np.logaddexp(0.0, (force_mn - p["level_mn"]) / knee)
-        return np.asarray(force_mn - (1.0 - p["slope_above"]) * over)
+        bent_mn = force_mn + p.get("with_offset", 1.0) * offset_mn
+        over = knee * np.logaddexp(0.0, (bent_mn - p["level_mn"]) / knee)
+        return np.asarray(force_mn + offset_mn - (1.0 - p["slope_above"]) * over)

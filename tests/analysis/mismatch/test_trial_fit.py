@@ -14,7 +14,7 @@ from scipy.optimize import lsq_linear
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit import study_fit
 from analysis.mismatch.fit.baseline import fit_baseline
-from analysis.mismatch.fit.law_fit import centred
+from analysis.mismatch.fit.law_fit import centred, fit_laws
 from analysis.mismatch.fit.own import force_columns
 from analysis.mismatch.fit.study_fit import with_own_sizes
 from analysis.mismatch.fit.trial_fit import bounded, fit_trial
@@ -80,6 +80,27 @@ def test_an_offset_moves_no_reading_that_is_cut(record: Callable[..., list[Trial
     assert cut.any()
     np.testing.assert_allclose(by_offset[cut], 0.0, atol=1e-6)
     np.testing.assert_allclose(by_offset[below], 1.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("with_offset", [0.0, 1.0])
+def test_trials_of_other_offsets_share_one_level(
+    record: Callable[..., list[Trial]], with_offset: float
+) -> None:
+    """Of the transducer's force or of what is read, wherever the offset comes from."""
+    trials = record(41, plans=study_plans(depths_mm=(0.5,), repeats=5, hold_s=1.0, dwell_s=0.2))
+    fit = fit_baseline(take_in_memory(trials).trials)
+    states = tuple(replace(s, offset_mn=2.0 * j) for j, s in enumerate(fit.states))
+    saturation = library()["force_saturation"]
+    level_mn = 0.9 * float(fit.trials[0].force_mn.max())
+    cut = {**saturation.null, "level_mn": level_mn, "with_offset": with_offset}
+    free = ("level_mn", "with_offset")
+    read = Shared((Law(saturation, cut, free),))
+    forces = [simulate(t, s, read) for t, s in zip(fit.trials, states, strict=True)]
+    begun = Law(saturation, {**cut, "level_mn": level_mn + 3.0, "with_offset": 1.0}, free)
+    pressed = tuple(replace(t, force_mn=f) for t, f in zip(fit.trials, forces, strict=True))
+    found = fit_laws(replace(fit, trials=pressed, states=states, shared=Shared((begun,))))
+    assert found.shared.laws[0].values["with_offset"] == pytest.approx(with_offset, abs=0.05)
+    assert found.shared.laws[0].values["level_mn"] == pytest.approx(level_mn, abs=0.1)
 
 
 def test_of_all_fits_only_the_latest_hold_their_columns(

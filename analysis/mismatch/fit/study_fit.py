@@ -155,10 +155,8 @@ class StudyFit:
                 tissue_likelihood(own, s) for own, s in zip(fit.own, fit.states, strict=True) if s.has_tissue
             ]
             population = estimate(likelihoods, fit.population)
-            near, fit = (
-                fit,
-                replace(fit, states=rhythms_sized(fit, sizes_scattered(fit)), population=population),
-            )
+            states = rhythms_sized(fit, sizes_scattered(fit))
+            near, fit = fit, replace(fit, states=states, population=population)
         return fit.with_states(near=near)
 
     def following(self) -> StudyFit:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import cast
@@ -35,6 +35,8 @@ from analysis.recordings.trial import Trial
 from analysis.simulation.mechanism import library
 from sim_hardware.concealment.offline import study_plans
 
+WANDERING = "[noise]\nforce_mn_rms = 0.2\nwander_mn_rms = 0.6\nwander_time_s = 1.0\n"
+
 
 def _rival(name: str, time_constant_s: float, of_trials: list[float]) -> Rival:
     """Return a rival without a fit, of which only the evidence of each trial is known."""
@@ -46,6 +48,17 @@ def _rival(name: str, time_constant_s: float, of_trials: list[float]) -> Rival:
     account = Account(cast(StudyFit, SimpleNamespace(shared=Shared((law,)), states=())))
     account.__dict__["evidence"] = np.array(of_trials)
     return Rival(name, float(np.sum(of_trials)), 1.0, account)
+
+
+@pytest.fixture(scope="module")
+def wandering(record: Callable[..., list[Trial]]) -> Account:
+    """The account of a study in which noise wanders and nothing is concealed."""
+    return Account(fit_baseline(take_in_memory(record(57, WANDERING)).trials))
+
+
+def _options(found_in: Account, nats: Mapping[str, float], enough: float) -> list[Option]:
+    """Return effects that say so much in an account, and change nothing where they are added."""
+    return [Option(name, said, enough, found_in, lambda same: same) for name, said in nats.items()]
 
 
 def test_a_law_at_the_end_of_its_range_makes_way_for_one_within_it() -> None:
@@ -218,51 +231,46 @@ def test_what_fell_behind_is_added_where_the_account_stands(monkeypatch: pytest.
     assert asked == [here]
 
 
-def test_what_the_noise_leaves_no_sign_of_is_not_tried(record: Callable[..., list[Trial]]) -> None:
+def test_what_the_noise_leaves_no_sign_of_is_not_tried(
+    record: Callable[..., list[Trial]], wandering: Account
+) -> None:
     """Noise that wanders looks like a rhythm where none is granted; a breath shows beside such noise, too."""
-    wandering = "[noise]\nforce_mn_rms = 0.2\nwander_mn_rms = 0.6\nwander_time_s = 1.0\n"
-
-    def account(effects: str) -> Account:
-        return Account(fit_baseline(take_in_memory(record(57, wandering + effects)).trials))
 
     def tried(account: Account) -> set[str]:
         return set(worth_trying(account, account, (0.0, 0.0), None).options)
 
-    quiet = account("")
-    seen = own_options(quiet.quick())[-1]
+    seen = own_options(wandering.quick())[-1]
     assert seen.name not in {event.name for event in EVENTS}
     assert seen.nats > ENOUGH_OWN
-    assert not tried(quiet)
+    assert not tried(wandering)
     breath = '[[effects]]\nname = "respiration"\namplitude_um = 20.0\nfrequency_hz = 0.3\n'
-    assert "respiration" in tried(account(breath))
+    breathing = take_in_memory(record(57, WANDERING + breath)).trials
+    assert "respiration" in tried(Account(fit_baseline(breathing)))
 
 
 def test_half_of_what_is_enough_must_be_left_beside_the_noise(
-    monkeypatch: pytest.MonkeyPatch, record: Callable[..., list[Trial]]
+    monkeypatch: pytest.MonkeyPatch, wandering: Account
 ) -> None:
     """However much it is without slow noise: what promises nothing by the noise that there is, is not added."""
-    wandering = "[noise]\nforce_mn_rms = 0.2\nwander_mn_rms = 0.6\nwander_time_s = 1.0\n"
-    account = Account(fit_baseline(take_in_memory(record(57, wandering)).trials))
-    assert account.quick() is not account
+    assert wandering.quick() is not wandering
 
     def tried(left: float) -> bool:
         def breath(found_in: Account, only: str = "") -> list[Option]:
-            nats = left if found_in is account else 900.0
+            nats = left if found_in is wandering else 900.0
             return [Option("respiration", nats, 25.0, found_in, lambda same: same)]
 
         monkeypatch.setattr(tries, "own_options", breath)
-        return "respiration" in worth_trying(account, account, (0.0, 0.0), None).options
+        return "respiration" in worth_trying(wandering, wandering, (0.0, 0.0), None).options
 
     assert not tried(12.0)
     assert tried(13.0)
 
 
 def test_what_was_fitted_without_slow_noise_is_weighed_twice(
-    monkeypatch: pytest.MonkeyPatch, record: Callable[..., list[Trial]]
+    monkeypatch: pytest.MonkeyPatch, wandering: Account
 ) -> None:
     """What comes in each trial anew has taken some of it up there, and nowhere else."""
-    wandering = "[noise]\nforce_mn_rms = 0.2\nwander_mn_rms = 0.6\nwander_time_s = 1.0\n"
-    beside = replace(Account(fit_baseline(take_in_memory(record(57, wandering)).trials)), steps={"slip": 5.0})
+    beside = replace(wandering, steps={"slip": 5.0})
     measured: list[StudyFit] = []
 
     def noise_left(fit: StudyFit) -> NoiseModel:
@@ -299,22 +307,20 @@ def test_what_is_nothing_is_not_granted_to_be_off(
 
 
 def test_what_says_most_beside_the_noise_is_tried_too(
-    monkeypatch: pytest.MonkeyPatch, record: Callable[..., list[Trial]]
+    monkeypatch: pytest.MonkeyPatch, wandering: Account
 ) -> None:
     """Where no slow noise is granted a breath had taken all of it up, ten times what a slip explains."""
-    wandering = "[noise]\nforce_mn_rms = 0.2\nwander_mn_rms = 0.6\nwander_time_s = 1.0\n"
-    account = Account(fit_baseline(take_in_memory(record(57, wandering)).trials))
     quick = {"respiration": 40_000.0, "slip": 6_000.0}
     beside = {"slip": 4_000.0, "oscillation": 200.0}
     asked: list[str] = []
 
     def own(found_in: Account, only: str = "") -> list[Option]:
         asked.append(only)
-        by_name = {only: 270.0} if only else beside if found_in is account else quick
-        return [Option(name, nats, 25.0, found_in, lambda same: same) for name, nats in by_name.items()]
+        by_name = {only: 270.0} if only else beside if found_in is wandering else quick
+        return _options(found_in, by_name, 25.0)
 
     monkeypatch.setattr(tries, "own_options", own)
-    found = worth_trying(account, account, (0.0, 0.0), None)
+    found = worth_trying(wandering, wandering, (0.0, 0.0), None)
     assert set(found.options) == {"respiration", "slip"}
     assert found.largest["slip"] == 6_000.0
     # of rhythms beside the noise another says most: this one is asked for by name
@@ -322,46 +328,45 @@ def test_what_says_most_beside_the_noise_is_tried_too(
 
 
 def test_what_says_more_than_an_effect_that_shows_is_tried_beside_it(
-    monkeypatch: pytest.MonkeyPatch, record: Callable[..., list[Trial]]
+    monkeypatch: pytest.MonkeyPatch, wandering: Account
 ) -> None:
     """Of a reflex the noise had left a shift of the skin, which says less, but none of the twitch that it was."""
-    wandering = "[noise]\nforce_mn_rms = 0.2\nwander_mn_rms = 0.6\nwander_time_s = 1.0\n"
-    account = Account(fit_baseline(take_in_memory(record(57, wandering)).trials))
     quick = {"transient": 950.0, "motion_artefact": 900.0, "slip": 850.0}
     beside = {"transient": 0.0, "motion_artefact": 700.0, "slip": 0.0}
 
     def own(found_in: Account, only: str = "") -> list[Option]:
-        by_name = beside if found_in is account else quick
-        return [Option(name, nats, 25.0, found_in, lambda same: same) for name, nats in by_name.items()]
+        by_name = beside if found_in is wandering else quick
+        return _options(found_in, by_name, 25.0)
 
     monkeypatch.setattr(tries, "own_options", own)
-    assert set(worth_trying(account, account, (0.0, 0.0), None).options) == {"transient", "motion_artefact"}
+    assert set(worth_trying(wandering, wandering, (0.0, 0.0), None).options) == {
+        "transient",
+        "motion_artefact",
+    }
     beside["motion_artefact"] = 0.0
-    assert not worth_trying(account, account, (0.0, 0.0), None).options
+    assert not worth_trying(wandering, wandering, (0.0, 0.0), None).options
 
 
 def test_a_law_that_says_more_than_one_that_shows_is_tried_beside_it(
-    monkeypatch: pytest.MonkeyPatch, record: Callable[..., list[Trial]]
+    monkeypatch: pytest.MonkeyPatch, wandering: Account
 ) -> None:
     """Of a power law the noise had left a third arm, which says less, but nothing of itself."""
-    wandering = "[noise]\nforce_mn_rms = 0.2\nwander_mn_rms = 0.6\nwander_time_s = 1.0\n"
-    account = Account(fit_baseline(take_in_memory(record(57, wandering)).trials))
     quick = {"power_law_relaxation": 8400.0, "third_relaxation": 7100.0, "parallel_dashpot": 6900.0}
     beside = {"power_law_relaxation": 0.0, "third_relaxation": 23.0, "parallel_dashpot": 0.0}
 
     def laws(found_in: Account, *_: object) -> list[Option]:
-        by_name = beside if found_in is account else quick
-        return [Option(name, nats, 10.0, found_in, lambda same: same) for name, nats in by_name.items()]
+        by_name = beside if found_in is wandering else quick
+        return _options(found_in, by_name, 10.0)
 
     monkeypatch.setattr(tries, "law_options", laws)
     monkeypatch.setattr(tries, "own_options", lambda *_: [])
-    tried = worth_trying(account, account, (0.0, 0.0), None).options
+    tried = worth_trying(wandering, wandering, (0.0, 0.0), None).options
     assert set(tried) == {"power_law_relaxation", "third_relaxation"}
     # also where what shows says far less than the best do
     beside["third_relaxation"], beside["force_lag"], quick["force_lag"] = 0.0, 266.0, 70.0
-    assert set(worth_trying(account, account, (0.0, 0.0), None).options) == set(quick)
+    assert set(worth_trying(wandering, wandering, (0.0, 0.0), None).options) == set(quick)
     beside["force_lag"] = 0.0
-    assert not worth_trying(account, account, (0.0, 0.0), None).options
+    assert not worth_trying(wandering, wandering, (0.0, 0.0), None).options
 
 
 def test_what_laws_were_off_for_want_of_frees_them() -> None:

@@ -98,9 +98,11 @@ def simulate_force(
     force = contact
     for m, p in sorted(added, key=lambda item: item[0].sensor_rank):
         force = m.sensor_force_mn(trial, force, p)
-    # a channel has one range
-    bends = next((item for item in added if item[0].bends_reading), None)
-    return bends[0].reading_mn(force, own.offset_mn, bends[1]) if bends else force + own.offset_mn
+    reading = force + own.offset_mn
+    for m, p in added:
+        if m.bends_reading:
+            reading = reading - m.unread_mn(force, own.offset_mn, p)
+    return reading
 
 
 def _relaxed(

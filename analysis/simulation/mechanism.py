@@ -156,14 +156,14 @@ class Mechanism:
         """The force that the sensor makes of it."""
         return force_mn
 
-    def reading_mn(self, force_mn: FloatArray, offset_mn: float, p: Values) -> FloatArray:
-        """What is recorded of the sensor's force, with the trial's offset."""
-        return force_mn + offset_mn
+    def unread_mn(self, force_mn: FloatArray, offset_mn: float, p: Values) -> FloatArray | float:
+        """What is not recorded of the sensor's force and the trial's offset."""
+        return 0.0
 
     @property
     def bends_reading(self) -> bool:
-        """Whether an offset adds anything but itself to what is recorded."""
-        return type(self).reading_mn is not Mechanism.reading_mn
+        """Whether an offset may add anything but itself to what is recorded."""
+        return type(self).unread_mn is not Mechanism.unread_mn
 
     def exchanged(self, tissue: Tissue, p: Values, arm: int) -> tuple[Tissue, Values] | None:
         """Return the same solid with the law's part of it for one of the tissue's arms, 1 or 2; None for most laws."""

@@ -85,8 +85,9 @@ def inexact_effects(fit: StudyFit, j: int, names: Sequence[str]) -> list[FloatAr
 
 def exact_state(state: TrialState, effect: str = "") -> TrialState:
     """Return the state of a trial without what its effects, or one of them, are granted to be off by."""
-    granted = {k for k, x in enumerate(state.shapes) if x.kind == INEXACT_KIND and effect in ("", x.effect)}
-    return state.with_only([k for k in range(len(state.shapes)) if k not in granted])
+    return state.with_only(
+        [k for k, x in enumerate(state.shapes) if x.kind != INEXACT_KIND or effect not in ("", x.effect)]
+    )
 
 
 def law_effects(fit: StudyFit, j: int) -> list[FloatArray]:

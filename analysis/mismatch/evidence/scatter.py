@@ -30,7 +30,7 @@ def scatter_explained(fit: StudyFit, settled: Sequence[Settled]) -> list[tuple[f
         return [(0.0, 0.0)] * len(settled[0].log_tissue)
     unknown = PRIOR_TRIALS * min(PRIOR_SCATTERS) ** 2 * np.eye(TISSUE_SIZE)
     for own in (fit.own[j] for j in pressed):
-        unknown += own.solve(np.eye(own.n_own))[own.tissue, own.tissue]
+        unknown += own.covariance[own.tissue, own.tissue]
     D = np.array([fit.states[j].log_tissue for j in pressed])
     moved = np.array([settled[j].log_tissue for j in pressed])
     D = D - D.mean(axis=0)

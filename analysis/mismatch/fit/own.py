@@ -41,6 +41,11 @@ class OwnColumns:
         """Information (q, q) of data and priors together."""
         return self.columns.T @ self.columns + self.prior
 
+    @cached_property
+    def covariance(self) -> FloatArray:
+        """Covariance (q, q) of the own parameters, given data and priors."""
+        return self.solve(np.eye(self.n_own))
+
     def solve(self, b: FloatArray) -> FloatArray:
         """Return the own parameters (q,) or (q, m) that solve information @ x = b.
 

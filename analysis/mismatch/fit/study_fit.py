@@ -237,11 +237,10 @@ def rhythms_sized(fit: StudyFit, states: Sequence[TrialState]) -> tuple[TrialSta
     found: dict[str, list[float]] = {}
     for own, state in zip(fit.own, fit.states, strict=True):
         rhythms = {shape.effect for shape in state.shapes if shape.kind == HARMONIC}
-        spread = np.diag(own.solve(np.eye(own.n_own))) if rhythms else np.zeros(0)
         for effect in rhythms:
             mine = np.array(state.shapes.of(effect))
             known = np.array([state.shapes[k].prior for k in mine])
-            squares = state.coefficients[mine] ** 2 + spread[own.tissue.stop + mine]
+            squares = state.coefficients[mine] ** 2 + np.diag(own.covariance)[own.tissue.stop + mine]
             found.setdefault(effect, []).extend(squares / known)
     by = {effect: float(np.mean(of_it)) for effect, of_it in found.items()}
     return tuple(state.larger(by) for state in states)
@@ -250,7 +249,7 @@ def rhythms_sized(fit: StudyFit, states: Sequence[TrialState]) -> tuple[TrialSta
 def size_likelihood(own: OwnColumns, state: TrialState, k: int) -> tuple[float, float]:
     """Return what a trial alone says of its k-th own shape: information, and that times the estimate."""
     at = own.tissue.stop + k
-    variance = float(own.solve(np.eye(own.n_own)[at])[at])
+    variance = float(own.covariance[at, at])
     return max(1.0 / variance - 1.0 / state.shapes[k].prior, 0.0), float(state.coefficients[k]) / variance
 
 

@@ -87,9 +87,10 @@ def own_sizes(account: Account, mechanism: Mechanism, unsure_at: float = 0.0) ->
     granted to be off by is its own: each of a trial's several shapes is drawn to nothing, and that part spares them.
     """
     fit = account.fit
-    if account.inexact:
-        states = (exact_state(state, mechanism.name) for state in fit.states)
-        fit = replace(fit, states=tuple(states)).with_states()
+    states = tuple(exact_state(state, mechanism.name) for state in fit.states)
+    # nothing is granted to a rhythm's band
+    if any(exact is not state for exact, state in zip(states, fit.states, strict=True)):
+        fit = replace(fit, states=states).with_states()
     each = _shape_sizes(fit, mechanism) + _rhythm_sizes(fit, mechanism)
     sizes, errors, places = (list(values) for values in zip(*each, strict=True))
     unit = 1e3 if mechanism.stage == "specimen" else 1.0

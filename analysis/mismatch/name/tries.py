@@ -53,6 +53,7 @@ def worth_trying(
     # a line drawn beside noise that took the mismatch up says little of how much there is
     taken_up = frozenset(o.name for o in worth[0]) if quick is not account else frozenset()
     signs = {o.name: o.nats for o in listed[0]}
+    elsewhere: list[Option] = []
     if among is None:
         anew = own_options(quick)
         beside = anew if quick is account else own_options(account)
@@ -66,15 +67,14 @@ def worth_trying(
             # of rhythms only the band that says most is listed
             if looks_like.name not in signs:
                 signs |= {o.name: o.nats for o in own_options(account, looks_like.name)}
+        # found beside the noise it may be elsewhere, or be less bent by what else is slow
+        elsewhere = [o for o in likely_beside if o is not found[o.name]]
     for some, every in zip(worth[1:], listed[1:], strict=True):
         # where one shows beside the noise something is there of its kind, and may be another that says more
         shown = [o.nats for o in every if signs.get(o.name, 0.0) > 0.5 * o.enough]
         signs |= {o.name: o.nats for o in some if shown and o.nats > min(shown)}
-    if among is None:
-        # found beside the noise it may be elsewhere, or be less bent by what else is slow
-        worth.append([o for o in likely_beside if o is not found[o.name]])
     options: dict[str, list[Option]] = {}
-    for option in (option for some in worth for option in some):
+    for option in (option for some in (*worth, elsewhere) for option in some):
         if few or signs.get(option.name, 0.0) > 0.5 * option.enough:
             options.setdefault(option.name, []).append(option)
     largest = {name: max(o.nats for some in listed for o in some if o.name == name) for name in options}

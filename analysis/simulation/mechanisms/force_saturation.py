@@ -36,9 +36,9 @@ class ForceSaturation(Mechanism):
             for share in shares
         )
 
-    def reading_mn(self, force_mn: FloatArray, offset_mn: float, p: Values) -> FloatArray:
-        """F bent above the level."""
+    def unread_mn(self, force_mn: FloatArray, offset_mn: float, p: Values) -> FloatArray:
+        """What F loses above the level."""
         knee = p["knee"] * p["level_mn"]
         bent_mn = force_mn + p.get("with_offset", 1.0) * offset_mn
         over = knee * np.logaddexp(0.0, (bent_mn - p["level_mn"]) / knee)
-        return np.asarray(force_mn + offset_mn - (1.0 - p["slope_above"]) * over)
+        return np.asarray((1.0 - p["slope_above"]) * over)

@@ -31,10 +31,11 @@ ENOUGH_ONCE = ENOUGH_SHARED - math.log(MOST_EFFECTS)
 """Evidence for what is asked once of a study, not at each of its steps."""
 
 INEXACT = 0.1
-"""An effect as the textbook has it is right to about a tenth of its size, in every trial and phase anew."""
+"""An effect as the textbook has it is right to about a tenth of its size, in every trial and phase anew: to a factor of
+three (`ROUGH`), beforehand."""
 
 ROUGH = 0.3
-"""And at times to a third only: the recordings choose between exact, a tenth and this."""
+"""And at times to a third only; what is off by more is another law."""
 
 UNFORESEEN = 1.0 / 3.0
 """Share of what an effect is off by that is not smooth, or of no shape at all that its inexactness has."""

@@ -12,14 +12,17 @@ from numpy.typing import NDArray
 from analysis.mismatch.evidence.heldout import predictive_deviance
 from analysis.mismatch.evidence.inexactness import (
     MOMENTS,
+    PER_PHASE,
     exact_state,
     inexact_columns,
     inexact_effects,
     inexact_names,
     inexact_precision,
+    off_coefficients,
     sample_columns,
     with_inexactness,
 )
+from analysis.mismatch.evidence.shares import EXACT, Shares, even_shares, likeliest_shares
 from analysis.mismatch.fit.baseline import begun_anew, noise_left
 from analysis.mismatch.fit.contacts import contacts_begun_anew
 from analysis.mismatch.fit.gram import Grams, gram
@@ -27,7 +30,7 @@ from analysis.mismatch.fit.law_fit import fit_laws, known_beforehand, law_column
 from analysis.mismatch.fit.noise import SLOW_S, NoiseModel
 from analysis.mismatch.fit.steadied import steadied
 from analysis.mismatch.fit.study_fit import StudyFit
-from analysis.mismatch.levels import ENOUGH_SHARED, FEWEST_HELD_OUT, INEXACT, ROUGH
+from analysis.mismatch.levels import ENOUGH_SHARED, FEWEST_HELD_OUT, INEXACT
 from analysis.mismatch.model.effects import Law
 from analysis.recordings.trial import PHASE_NAMES
 
@@ -38,14 +41,13 @@ FloatArray = NDArray[np.float64]
 class Account:
     """A fitted simulation; ``steps`` are the kinds of events and oscillations in it, each with its price in nats.
 
-    That price is what it takes to have looked for it at every time or frequency. ``inexact`` is the share
-    of their size by which its effects may be off, but for those ``taken_as_exact``, ``granted`` the nats that this
-    brought.
+    That price is what it takes to have looked for it at every time or frequency. ``inexact`` are the shares of their
+    size by which its effects may be off, but for those ``taken_as_exact``, ``granted`` the nats that this brought.
     """
 
     fit: StudyFit
     steps: Mapping[str, float] = field(default_factory=dict)
-    inexact: float = 0.0
+    inexact: Shares = EXACT
     granted: float = 0.0
     taken_as_exact: frozenset[str] = frozenset()
 
@@ -77,26 +79,31 @@ class Account:
     @property
     def precision(self) -> FloatArray:
         """What is known (K,) of the coefficients of `columns` before any trial is weighed by them."""
-        n_effects = len(self.may_be_off)
-        in_samples = np.ones(n_effects * len(PHASE_NAMES) * MOMENTS)
-        known = np.append(known_beforehand(self.fit.shared), in_samples)
-        if not self.inexact:
-            return known
-        return np.append(known, inexact_precision(self.inexact, n_effects))
+        in_samples = np.ones(len(self.may_be_off) * len(PHASE_NAMES) * MOMENTS)
+        off = inexact_precision(self.inexact, self.may_be_off) if self.inexact else np.zeros(0)
+        return np.concatenate([known_beforehand(self.fit.shared), in_samples, off])
+
+    @cached_property
+    def explained_by_phase(self) -> FloatArray:
+        """What each effect that is granted to be off explains in every phase (E, P), squared and weighed."""
+        n = len(self.may_be_off) * len(PHASE_NAMES) * PER_PHASE
+        return np.diag(self.grams.total())[-1 - n : -1 : PER_PHASE].reshape(-1, len(PHASE_NAMES))
 
     @cached_property
     def evidence(self) -> FloatArray:
         """Log predictive density (n,) of each trial given the others, in nats, but for what all accounts share.
 
         A law of hardly any size may take any of its forms without a trace, so that nothing held out tells against the
-        best: each inner parameter costs a nat (Akaike, IEEE Trans. Autom. Control 19:716, 1974).
+        best: each inner parameter costs a nat (Akaike, IEEE Trans. Autom. Control 19:716, 1974), and so does each share
+        by which effects may be off.
         """
         fit = self.fit
         determinants = np.array([p.log_determinant for p in fit.projectors])
         determinants += np.array([w.log_determinant for w in fit.whiteners])
         deviance = predictive_deviance(self.grams, range(self.grams.n_added))
         inner = sum(p.inner for law in fit.shared.laws for p in law.parameters)
-        price = (sum(self.steps.values()) + inner) / len(deviance)
+        off = np.count_nonzero(self.explained_by_phase) if self.inexact else 0
+        price = (sum(self.steps.values()) + inner + off) / len(deviance)
         return np.asarray(-0.5 * (deviance + determinants) - price)
 
     @property
@@ -214,48 +221,60 @@ class Account:
         return exact
 
     def granting(self) -> Account:
-        """Return the account of exact laws with them granted to be off, by a tenth or a third, where that is likelier.
+        """Return the account of exact laws with them granted to be off by their likeliest shares, if that is likelier.
 
         What laws leave over by being off has passed for slow noise until then, and bent the tissue.
         """
-        if not self.may_be_off or len(self.fit.trials) < FEWEST_HELD_OUT:
+        if not self.shares or self.inexact_to(self.shares).nats <= self.nats:
             return self
-        if self.inexact_to(INEXACT).nats <= self.nats:
-            return self
-        rough = self.rough
-        best = max(rough, rough.inexact_to(ROUGH), key=lambda a: a.nats)
-        if best is not rough:
-            best = best.at_noise(best.fit.noise)
-        granted = best.nats - self.nats
-        return replace(best, granted=granted) if granted > 0.0 else self
+        granted = self.rough.nats - self.nats
+        return replace(self.rough, granted=granted) if granted > 0.0 else self
 
-    def off_by(self, share: float) -> Account:
-        """Return the account with its laws granted to be off by a share, and the noise measured beside that.
+    @cached_property
+    def shares(self) -> Shares:
+        """The likeliest shares by which its laws are off, no slow noise being granted; of few trials none can say."""
+        if not self.may_be_off or len(self.fit.trials) < FEWEST_HELD_OUT:
+            return EXACT
+        off = self.exact.quick().inexact_to(even_shares(self.may_be_off, INEXACT))
+        columns, groups = (
+            map(off.columns, range(len(off.fit.trials))),
+            off_coefficients(off.fit, self.may_be_off),
+        )
+        likeliest = likeliest_shares(off.fit, columns, off.precision, groups)
+        return Shares(dict(zip(self.may_be_off, likeliest.reshape(-1, len(PHASE_NAMES)), strict=True)))
+
+    @cached_property
+    def as_off(self) -> Account:
+        """The account as it stands, with what its laws may leave over as far as they are likely to be off."""
+        return self if self.inexact else replace(self, inexact=self.shares)
+
+    def off_by(self, shares: Shares) -> Account:
+        """Return the account with its laws granted to be off by shares, and the noise measured beside that.
 
         What laws leave over may be taken for slow noise, where that was granted before. Without it, what else is
         missing may lead them astray: where they then predict worse than as exact ones, they stay where they stand.
         """
-        if share == self.inexact:
-            return self
         exact = self.exact
         quick = exact.quick()
-        rough = quick._off_by(share)
+        rough = quick._off_by(shares)
         if quick is exact or rough.nats > self.of_exact_laws:
             return rough
-        return max(rough, exact._off_by(share), key=lambda a: a.nats)
+        return max(rough, exact._off_by(shares), key=lambda a: a.nats)
 
-    def _off_by(self, share: float) -> Account:
-        rough = self.inexact_to(share)
+    def _off_by(self, shares: Shares) -> Account:
+        rough = self.inexact_to(shares)
         return rough.at_noise(noise_left(rough.fit.with_population(1)))
 
     @cached_property
     def rough(self) -> Account:
-        """The account with its laws granted to be off by a tenth at least."""
-        return self.off_by(max(self.inexact, INEXACT))
+        """The account with its laws granted to be off by their likeliest shares."""
+        return self if self.inexact else self.off_by(self.shares)
 
-    def inexact_to(self, share: float) -> Account:
-        """Return the account with its laws granted to be off by a share; what is linear need not be refitted."""
-        return replace(self, fit=with_inexactness(self.fit, share, self.may_be_off), inexact=share)
+    def inexact_to(self, shares: Shares) -> Account:
+        """Return the account with its laws granted to be off by shares; what is linear need not be refitted."""
+        if self.inexact and np.array_equal(shares.of(self.may_be_off), self.inexact.of(self.may_be_off)):
+            return self
+        return replace(self, fit=with_inexactness(self.fit, shares, self.may_be_off), inexact=shares)
 
     @property
     def exact(self) -> Account:
@@ -263,7 +282,7 @@ class Account:
         if not self.inexact:
             return self
         states = tuple(map(exact_state, self.fit.states))
-        return replace(self, fit=replace(self.fit, states=states), inexact=0.0, granted=0.0)
+        return replace(self, fit=replace(self.fit, states=states), inexact=EXACT, granted=0.0)
 
     def at_noise(self, noise: NoiseModel) -> Account:
         """Return the account refitted with another noise."""

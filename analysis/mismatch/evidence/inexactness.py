@@ -9,6 +9,7 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 from numpy.typing import NDArray
 
+from analysis.mismatch.evidence.shares import OffCoefficients, Shares
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import UNFORESEEN
 from analysis.mismatch.model.effects import OwnShape, TrialState, own_effects, simulate
@@ -22,6 +23,8 @@ SMOOTH, ROUGHER = 3, 4
 PER_PHASE, IN_TRIAL = SMOOTH + 1 + ROUGHER, 2
 """Shapes of an effect's inexactness in every phase: smooth ones, what comes at once, and those of higher orders; and
 how many of them are free in every trial anew."""
+BESIDE = np.where(np.arange(PER_PHASE) < SMOOTH + 1, 1.0, UNFORESEEN)
+"""How large they are beside what an effect is off by: those of higher orders are what is not foreseen."""
 MOMENTS = 2
 """Of a kernel of a sample's length, in every phase: no recording says what happens within a sample."""
 NEGLIGIBLE = 0.01
@@ -29,32 +32,42 @@ SETTLES_S = 0.02
 """What of a law comes at once when a phase begins is over in such a time."""
 
 
-def with_inexactness(fit: StudyFit, share: float, names: Sequence[str]) -> StudyFit:
-    """Return the fit in which effects (of `inexact_names`) may be off by a share of their size, differently in every
+def with_inexactness(fit: StudyFit, shares: Shares, names: Sequence[str]) -> StudyFit:
+    """Return the fit in which effects (of `inexact_names`) may be off by shares of their size, differently in every
     trial and phase.
     """
+    priors = shares.of(names).ravel() ** 2
     states = []
     for j, state in enumerate(fit.states):
         own = inexact_columns(fit.trials[j], inexact_effects(fit, j, names))
-        per_effect = PER_PHASE * len(PHASE_NAMES)
         added = [
             # by itself: a column of a matrix would keep all of it, and most of it is not each trial's own
-            OwnShape(names[k // per_effect], "force", own[:, k].copy(), share**2, 0.0, INEXACT_KIND)
-            for k in range(own.shape[1])
+            OwnShape(names[g // len(PHASE_NAMES)], "force", own[:, k].copy(), priors[g], 0.0, INEXACT_KIND)
+            for g, k in ((k // PER_PHASE, k) for k in range(own.shape[1]))
             if np.any(own[:, k]) and k % PER_PHASE < IN_TRIAL
         ]
         states.append(exact_state(state).with_shapes(added))
     return replace(fit, states=tuple(states))
 
 
-def inexact_precision(share: float, n_effects: int) -> FloatArray:
-    """Return what is known (D,) of the coefficients of `inexact_columns` of effects that are right to a share.
+def inexact_precision(shares: Shares, names: Sequence[str]) -> FloatArray:
+    """Return what is known (D,) of the coefficients of `inexact_columns` of effects that are right to shares."""
+    return np.asarray(np.outer(shares.of(names).ravel() ** -2.0, BESIDE**-2.0).ravel())
 
-    Those of higher orders are what is not foreseen.
-    """
-    in_phase = np.full(PER_PHASE, share)
-    in_phase[-ROUGHER:] *= UNFORESEEN
-    return np.tile(in_phase**-2, n_effects * len(PHASE_NAMES))
+
+def off_coefficients(fit: StudyFit, names: Sequence[str]) -> OffCoefficients:
+    """Return which coefficients of a fit `with_inexactness` say by how much effects are off."""
+    n_groups = len(names) * len(PHASE_NAMES)
+    own = []
+    for trial, state, columns in zip(fit.trials, fit.states, fit.own, strict=True):
+        group = np.full(columns.n_own, -1)
+        for k, x in enumerate(state.shapes):
+            if x.kind == INEXACT_KIND:
+                phase = trial.phase[np.flatnonzero(x.shape)[0]]
+                group[columns.tissue.stop + k] = names.index(x.effect) * len(PHASE_NAMES) + phase
+        own.append(group)
+    shared = np.repeat(np.arange(n_groups), PER_PHASE)
+    return OffCoefficients(shared, np.tile(BESIDE, n_groups), tuple(own))
 
 
 def inexact_names(fit: StudyFit) -> tuple[str, ...]:

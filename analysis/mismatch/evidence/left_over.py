@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
+import numpy as np
+
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.levels import (
     ENOUGH_SHARED,
@@ -29,8 +31,16 @@ def left_over(account: Account, explained: float, adds: Mapping[str, float]) -> 
         return ROUGH**2 * explained, ROUGH**2 * explained
     rhythms = {r.effect for s in account.fit.states for r in s.rhythms}
     own = min(sum(adds.get(name, explained) for name in rhythms), explained)
-    others = (UNFORESEEN * max(account.inexact, INEXACT)) ** 2 * (explained - own)
+    others = (UNFORESEEN * share_off(account)) ** 2 * (explained - own)
     return others + INEXACT**2 * own / n, others + INEXACT**2 * own
+
+
+def share_off(account: Account) -> float:
+    """Return the share (rms over what they explain) by which an account's effects are likely to be off."""
+    off = account.as_off
+    if not off.inexact:
+        return INEXACT
+    return float(np.sqrt(np.average(off.inexact.of(off.may_be_off) ** 2, weights=off.explained_by_phase)))
 
 
 def explains_itself(account: Account, before: Account, gain: float, asked: float) -> bool:
@@ -41,13 +51,13 @@ def explains_itself(account: Account, before: Account, gain: float, asked: float
     """
     if not before.may_be_off or len(account.fit.trials) < FEWEST_HELD_OUT:
         return gain - max(account.granted - before.granted, 0.0) >= KEPT * gain
-    share = max(account.rough.inexact, before.rough.inexact)
-    without = before.rough.off_by(share)
-    if account.rough.off_by(share).gain_over(without)[0] >= asked:
+    shares = account.rough.inexact.or_larger(before.rough.inexact)
+    without = before.rough.inexact_to(shares)
+    if account.rough.inexact_to(shares).gain_over(without)[0] >= asked:
         return True
     added = frozenset(account.may_be_off) - frozenset(before.may_be_off)
-    exact = replace(account.exact, taken_as_exact=added)
-    return bool(added) and exact.off_by(share).gain_over(without)[0] >= asked
+    exact = replace(account.rough, taken_as_exact=added)
+    return bool(added) and exact.inexact_to(shares).gain_over(without)[0] >= asked
 
 
 def frees(account: Account, before: Account) -> bool:
@@ -55,7 +65,7 @@ def frees(account: Account, before: Account) -> bool:
 
     What laws leave by being off themselves no other takes up to the last: it would have to be all that they leave.
     """
-    return before.inexact > 0.0 and not account.inexact
+    return before.granted > 0.0 and account.granted <= SMALL_SHARE * before.granted
 
 
 def mends(account: Account, before: Account, nothing: Account, gain: float) -> bool:

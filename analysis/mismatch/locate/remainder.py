@@ -9,7 +9,7 @@ import numpy as np
 
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.study_fit import StudyFit
-from analysis.mismatch.levels import ENOUGH_OWN, INEXACT, SMALL_SHARE
+from analysis.mismatch.levels import ENOUGH_OWN, SMALL_SHARE
 from analysis.mismatch.locate.outliers import find_outliers
 from analysis.mismatch.locate.quiet import out_of_contact
 from analysis.mismatch.locate.session import NO_TREND, Trend, find_trend
@@ -118,7 +118,15 @@ def remainder_of(account: Account, nothing: Account) -> Remainder:
     if trend.significant and trend.evidence > best.evidence:
         explained = max(account.gain_over(nothing)[0], 0.0)
         best = replace(best, share=trend.evidence / (trend.evidence + explained))
-    return replace(best, bursts=bursts, trend=trend, inexact=account.granted_share(bare))
+    return replace(best, bursts=bursts, trend=trend, inexact=_off(account, bare))
+
+
+def _off(account: Account, bare: Account) -> float:
+    """Return what part of the evidence over a bare account comes of granting that laws are off, all by one noise."""
+    if not account.inexact:
+        return 0.0
+    of_granting = account.gain_over(account.exact.at_noise(account.fit.noise))[0]
+    return max(of_granting, 0.0) / max(account.gain_over(bare)[0], 1e-12)
 
 
 def find_transients(fit: StudyFit) -> Bursts:
@@ -128,7 +136,7 @@ def find_transients(fit: StudyFit) -> Bursts:
 
 def shape_left(account: Account) -> CommonShape:
     """Return the shape that all trials have in common beside an account, its laws right to a tenth."""
-    known = replace(account, inexact=account.inexact or INEXACT)
+    known = account.as_off
     return common_shape(account.fit, known.columns, known.precision)
 
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.evidence.inexactness import law_effects
+from analysis.mismatch.evidence.shares import even_shares
 from analysis.mismatch.fit.gram import solve
 from analysis.mismatch.fit.law_fit import at_ends, law_columns
 from analysis.mismatch.fit.study_fit import StudyFit
@@ -37,7 +38,8 @@ def loosened(account: Account) -> Account:
 
     Recordings may say that laws leave nothing over, but not of what their parameters could take up.
     """
-    return account if account.inexact >= SIZE_INEXACT else replace(account, inexact=SIZE_INEXACT)
+    least = even_shares(account.may_be_off, SIZE_INEXACT)
+    return replace(account, inexact=account.inexact.or_larger(least))
 
 
 def law_sizes(account: Account, law: Law) -> dict[str, Quantity]:

@@ -22,7 +22,6 @@ from analysis.mismatch.levels import (
     ENOUGH_OWN,
     ENOUGH_SHARED,
     FEWEST_HELD_OUT,
-    INEXACT,
     STARTS,
 )
 from analysis.mismatch.model.dictionary import Template, templates
@@ -73,16 +72,19 @@ def added(options: Sequence[Option], account: Account) -> Account:
 
 
 def law_options(
-    account: Account, nothing: Account, wanted: list[Template], settled: Sequence[Settled]
+    account: Account,
+    nothing: Account,
+    wanted: list[Template],
+    settled: Sequence[Settled],
+    *,
+    beside_exact: bool = False,
 ) -> list[Option]:
-    """Return the laws that might be added, weighed beside what the present laws may leave over.
+    """Return the laws that might be added, weighed beside what the present laws may leave over, unless they are exact.
 
     ``settled`` is what each template changes in each trial, by `settled_columns`.
     """
     fit = account.fit
-    # of fewer trials none can say how exact a law is
-    inexact = account.inexact or (INEXACT if len(fit.trials) >= FEWEST_HELD_OUT else 0.0)
-    known = replace(account, inexact=inexact)
+    known = account if beside_exact else account.as_off
     present = len(known.precision)
     columns = (np.hstack([known.columns(j), changed.force_mn]) for j, changed in enumerate(settled))
     grams = gram(fit, columns, np.append(known.precision, np.zeros(len(wanted))))

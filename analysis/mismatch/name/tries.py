@@ -46,13 +46,21 @@ def worth_trying(
     listed = [law_options(account, nothing, wanted, settled)]
     if quick is not account:
         listed.append(law_options(quick, nothing, wanted, settled))
-    # columns of all trials fill memory
-    del settled
     few = len(account.fit.trials) < FEWEST_HELD_OUT
     worth = [promising(some, CLOSE * SURE * left[0], few) for some in listed]
+    lead: list[Option] = []
+    if account.inexact:
+        # what is missing may be what the laws are granted to be off for
+        exact = account.exact
+        settled = settled_columns(exact.fit, wanted)
+        listed.append(law_options(exact, nothing, wanted, settled, beside_exact=True))
+        lead = promising(listed[-1], CLOSE * SURE * left[0], few)[:1]
+        worth.append(lead)
+    # columns of all trials fill memory
+    del settled
     # a line drawn beside noise that took the mismatch up says little of how much there is
     taken_up = frozenset(o.name for o in worth[0]) if quick is not account else frozenset()
-    signs = {o.name: o.nats for o in listed[0]}
+    signs = {o.name: o.nats for o in (*listed[0], *lead)}
     elsewhere: list[Option] = []
     if among is None:
         anew = own_options(quick)

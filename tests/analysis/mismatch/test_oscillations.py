@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from analysis.mismatch.evidence.account import Account
+from analysis.mismatch.evidence.shares import even_shares
 from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.fit.contacts import contacts_begun_anew
 from analysis.mismatch.fit.noise import NoiseModel
@@ -293,7 +294,7 @@ def test_a_breath_is_as_large_as_it_is_wherever_it_was_looked_for(record: Callab
     for size_mm in (0.005, 0.014, 0.04):
         there = _as_scanned(resting, "respiration", 0.25, size_mm).with_population(3)
         breathing = Account(there, steps={"respiration": 0.0})
-        granted = breathing.inexact_to(0.1)
+        granted = breathing.inexact_to(even_shares(["respiration"], 0.1))
         granted = replace(granted, fit=granted.fit.with_states())
         found_um += [own_sizes(a, breath)["amplitude_um"].value for a in (breathing, granted)]
     assert np.ptp(found_um) < 0.02 * np.mean(found_um)

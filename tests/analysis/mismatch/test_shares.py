@@ -1,0 +1,76 @@
+"""By what share an effect is off in a phase is told by the trials, as far as they can."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import cast
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from analysis.mismatch.evidence.shares import EXACT, OffCoefficients, Shares, even_shares, likeliest_shares
+from analysis.mismatch.fit.own import OwnColumns
+from analysis.mismatch.fit.study_fit import StudyFit
+from analysis.mismatch.levels import INEXACT, ROUGH
+from analysis.recordings.trial import PHASE_NAMES
+
+N_TRIALS, N_CELLS, N_SHARED, N_OWN = 20, 120, 8, 2
+
+
+def _found(shares: list[float], size_mn: float, seed: int) -> np.ndarray:
+    """Return the likeliest shares of effects that are off by shares, a size of them in noise of 1 mN."""
+    random = np.random.default_rng(seed)
+    group = np.repeat(np.arange(len(shares)), N_SHARED)
+    own_group = np.concatenate([[-1], np.repeat(np.arange(len(shares)), N_OWN)])
+    coefficients = np.array(shares)[group] * random.standard_normal(len(group))
+    owns, columns = [], []
+    for _ in range(N_TRIALS):
+        shared = size_mn * random.standard_normal((N_CELLS, len(group)))
+        own = size_mn * random.standard_normal((N_CELLS, len(own_group)))
+        of_own = np.where(
+            own_group < 0, 3.0, np.array(shares)[own_group] * random.standard_normal(len(own_group))
+        )
+        residual = shared @ coefficients + own @ of_own + random.standard_normal(N_CELLS)
+        prior = np.diag(np.where(own_group < 0, 0.0, INEXACT**-2.0))
+        owns.append(OwnColumns(own, residual, prior, np.zeros(len(prior)), slice(1, 1)))
+        columns.append(shared)
+    whiteners = [lambda columns_mn: columns_mn] * N_TRIALS
+    fit = cast(StudyFit, SimpleNamespace(own=owns, whiteners=whiteners))
+    off = OffCoefficients(group, np.ones(len(group)), (own_group,) * N_TRIALS)
+    return likeliest_shares(fit, columns, np.full(len(group), INEXACT**-2.0), off)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_each_effect_is_off_by_its_own_share(seed: int) -> None:
+    """Of 48 coefficients a share is known to a tenth of itself: five of these standard errors."""
+    found = _found([0.01, 0.2, 0.05], 30.0, seed)
+    assert found == pytest.approx([0.01, 0.2, 0.05], rel=0.5)
+
+
+def test_what_shows_nothing_stays_right_to_a_tenth() -> None:
+    assert _found([0.1], 1e-6, 0) == pytest.approx([INEXACT], rel=0.05)
+
+
+def test_what_is_off_by_more_than_a_third_is_another_law() -> None:
+    assert _found([2.0], 30.0, 0) == pytest.approx([ROUGH])
+
+
+@settings(deadline=None, max_examples=50)
+@given(st.lists(st.floats(0.001, 0.3), min_size=2, max_size=2))
+def test_of_two_shares_the_larger_is_granted_to_both(shares: list[float]) -> None:
+    one, other = (
+        even_shares(["slip", name], s) for name, s in zip(("adhesion", "force_lag"), shares, strict=True)
+    )
+    both = one.or_larger(other)
+    assert both.of(["slip"]) == pytest.approx(max(shares) * np.ones((1, len(PHASE_NAMES))))
+    assert both.of(["adhesion", "force_lag"]) == pytest.approx(np.outer(shares, np.ones(len(PHASE_NAMES))))
+    assert both.or_larger(one).of(["slip"]) == pytest.approx(both.of(["slip"]))
+
+
+def test_an_effect_that_was_not_looked_at_is_right_to_a_tenth() -> None:
+    assert not EXACT
+    assert Shares({"slip": np.full(len(PHASE_NAMES), 0.02)}).of(["adhesion"]) == pytest.approx(
+        np.full((1, len(PHASE_NAMES)), INEXACT)
+    )

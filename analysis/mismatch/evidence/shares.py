@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -44,6 +44,11 @@ class Shares:
         """Return for each effect and phase the larger share of two."""
         both = {**other.by_effect, **self.by_effect}
         return Shares({n: np.maximum(s, other.by_effect.get(n, s)) for n, s in both.items()})
+
+    def no_more_than(self, other: Shares, names: Collection[str]) -> Shares:
+        """Return the shares, those of the effects with these names no larger than another's."""
+        bounded = {n: np.minimum(self.of([n])[0], other.of([n])[0]) for n in names}
+        return Shares({**self.by_effect, **bounded})
 
 
 EXACT = Shares()

@@ -34,7 +34,7 @@ def size_is_told(account: Account, law: Law) -> bool:
 
 
 def loosened(account: Account) -> Account:
-    """Return the account with its laws off by as much at least as no size is better known than; itself if they are.
+    """Return the account with its laws off by as much at least, in every phase, as no size is better known than.
 
     Recordings may say that laws leave nothing over, but not of what their parameters could take up.
     """

@@ -67,6 +67,9 @@ def test_of_two_shares_the_larger_is_granted_to_both(shares: list[float]) -> Non
     assert both.of(["slip"]) == pytest.approx(max(shares) * np.ones((1, len(PHASE_NAMES))))
     assert both.of(["adhesion", "force_lag"]) == pytest.approx(np.outer(shares, np.ones(len(PHASE_NAMES))))
     assert both.or_larger(one).of(["slip"]) == pytest.approx(both.of(["slip"]))
+    bounded = both.no_more_than(one, ["slip"])
+    assert bounded.of(["slip"]) == pytest.approx(one.of(["slip"]))
+    assert bounded.of(["force_lag"]) == pytest.approx(both.of(["force_lag"]))
 
 
 def test_an_effect_that_was_not_looked_at_is_right_to_a_tenth() -> None:

@@ -37,9 +37,12 @@ def left_over(account: Account, explained: float, adds: Mapping[str, float]) -> 
 
 
 def share_off(account: Account) -> float:
-    """Return the share (rms over what they explain) by which an account's effects are likely to be off."""
+    """Return the share (rms over what they explain) by which an account's effects are likely to be off.
+
+    Of what explains nothing, or has no shapes to be off in, it is a tenth.
+    """
     off = account.as_off
-    if not off.inexact:
+    if not off.inexact or not np.any(off.explained_by_phase):
         return INEXACT
     return float(np.sqrt(np.average(off.inexact.of(off.may_be_off) ** 2, weights=off.explained_by_phase)))
 

@@ -434,6 +434,9 @@ def test_what_effects_leave_over_is_what_is_not_foreseen_of_them() -> None:
     rough.__dict__["explained_by_phase"] = np.where(by_phase == ROUGH, 6.0, 1.0)[None]
     half = UNFORESEEN**2 * (0.5 * ROUGH**2 + 0.5 * INEXACT**2)
     assert left_over(rough, 9000.0, {}) == pytest.approx([half * 9000.0] * 2)
+    # and where it is nothing nobody can say
+    rough.__dict__["explained_by_phase"] = np.zeros((1, len(PHASE_NAMES)))
+    assert left_over(rough, 9000.0, {}) == pytest.approx([unforeseen * 9000.0] * 2)
 
 
 def test_a_rhythm_leaves_more_than_what_is_granted_to_be_off() -> None:

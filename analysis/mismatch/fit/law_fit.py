@@ -41,7 +41,7 @@ INNER_LOG = 1.5
 SIZE_LOG = 3.0
 """And a size on a logarithm to so much."""
 INNER_SHARE = 0.3
-"""A linear inner parameter is known to this share of its range."""
+"""A linear parameter that is inner, or a power, is known to this share of its range."""
 
 
 def parameter_scale(p: Parameter, value: float, typical: float) -> float:
@@ -113,6 +113,9 @@ def law_prior(laws: Sequence[Law]) -> tuple[FloatArray, FloatArray]:
                 spread = INNER_LOG if p.scale == "log" else INNER_SHARE * (p.upper - p.lower)
             elif p.scale == "log" and p.name != law.mechanism.amplitude:
                 middle, spread = p.to_fit(law.values[p.name]), SIZE_LOG
+            elif p.name != law.mechanism.amplitude:
+                # a power is no size: what trials leave open of it would run to the end of its range
+                spread = INNER_SHARE * (p.upper - p.lower)
             precision.append(1.0 / spread**2)
             centre.append(middle)
     return np.array([*precision, DELAY_SAMPLES**-2]), np.array([*centre, 0.0])

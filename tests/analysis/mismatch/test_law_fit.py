@@ -19,6 +19,7 @@ from analysis.mismatch.fit.law_fit import (
     STEP,
     bounded_step,
     law_columns,
+    law_prior,
     parameter_scale,
     vector,
     with_room,
@@ -148,6 +149,20 @@ def test_whatever_tells_a_law_s_size_is_known_to_a_tenth_of_it(record: Callable[
     ):
         se = law_sizes(Account(replace(fit, shared=Shared((law,)))), law)[name].se
         assert 0.3 * SIZE_INEXACT * whole < se < 2.0 * SIZE_INEXACT * whole, (name, se)
+
+
+def test_a_power_is_known_beforehand_and_a_size_is_not() -> None:
+    """Four ramps of muscle tell little of one: the fit ran to the end of its range, 16."""
+    stiffening, power_law = library()["stiffening"], library()["power_law_relaxation"]
+    for mechanism, size, power in (
+        (stiffening, "coefficient_per_mm", "exponent"),
+        (power_law, "coefficient_mn_per_mm", "exponent"),
+    ):
+        law = Law(mechanism, dict(mechanism.null), (size, power))
+        precision, centre = law_prior([law])
+        (p,) = (p for p in law.parameters if p.name == power)
+        assert precision[:2] == pytest.approx([0.0, (0.3 * (p.upper - p.lower)) ** -2])
+        assert centre[1] == mechanism.null[power]
 
 
 def test_a_size_within_two_errors_of_nothing_is_not_told(record: Callable[..., list[Trial]]) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.mismatch.fit.gram import solve
-from analysis.mismatch.fit.own import from_mean, solved
+from analysis.mismatch.fit.own import solved
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import INEXACT, ROUGH
 from analysis.mismatch.model.effects import TISSUE_SIZE
@@ -90,11 +90,7 @@ def likeliest_shares(
     """
     products = []
     for own, whitener, added in zip(fit.own, fit.whiteners, columns, strict=True):
-        tissue = own.columns[:, own.tissue]
-        if not tissue.shape[1]:
-            tissue = np.zeros((len(own.residual), TISSUE_SIZE))
-        at_mean = own.residual + own.columns @ from_mean(own)
-        Z = np.column_stack([own.columns, tissue, whitener(added), at_mean])
+        Z = np.column_stack([own.columns, own.mean_columns, whitener(added), own.residual_at_mean])
         products.append(Z.T @ Z)
     shares = np.full(int(off.shared.max()) + 1, INEXACT)
     ridge = np.append(np.concatenate([np.full(TISSUE_SIZE, DECADE**-2), known]), 0.0)

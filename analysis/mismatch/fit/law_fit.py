@@ -109,11 +109,11 @@ def law_prior(laws: Sequence[Law]) -> tuple[FloatArray, FloatArray]:
         for p in law.parameters:
             middle = p.to_fit(law.mechanism.null[p.name])
             spread = np.inf
-            if p.inner:
-                spread = INNER_LOG if p.scale == "log" else INNER_SHARE * (p.upper - p.lower)
+            if p.scale == "log" and p.inner:
+                spread = INNER_LOG
             elif p.scale == "log" and p.name != law.mechanism.amplitude:
                 middle, spread = p.to_fit(law.values[p.name]), SIZE_LOG
-            elif p.name != law.mechanism.amplitude:
+            elif p.scale != "log" and (p.inner or p.name != law.mechanism.amplitude):
                 # a power is no size: what trials leave open of it would run to the end of its range
                 spread = INNER_SHARE * (p.upper - p.lower)
             precision.append(1.0 / spread**2)

@@ -46,6 +46,17 @@ class OwnColumns:
         """Covariance (q, q) of the own parameters, given data and priors."""
         return self.solve(np.eye(self.n_own))
 
+    @property
+    def mean_columns(self) -> FloatArray:
+        """Derivatives (n, 5) by the population's mean; nothing where there is no tissue."""
+        tissue = self.columns[:, self.tissue]
+        return tissue if tissue.shape[1] else np.zeros((len(self.residual), TISSUE_SIZE))
+
+    @property
+    def residual_at_mean(self) -> FloatArray:
+        """The residual (n,) as it was at the population's mean: what the fit took up is given back."""
+        return self.residual + self.columns @ from_mean(self)
+
     def solve(self, b: FloatArray) -> FloatArray:
         """Return the own parameters (q,) or (q, m) that solve information @ x = b.
 
@@ -180,13 +191,8 @@ class Projector:
         self._basis = Q @ vectors
         self._taken = 1.0 - np.sqrt(values)
         self.log_determinant = log_determinant(own)
-        # the residual as it was at the population's mean: what the fit took up is given back
-        at_mean = own.columns @ from_mean(own)
-        self.residual = self._project(own.residual + at_mean)
-        tissue = own.columns[:, own.tissue]
-        if tissue.shape[1] == 0:
-            tissue = np.zeros((len(own.residual), TISSUE_SIZE))
-        self.mean_columns = self._project(tissue)
+        self.residual = self._project(own.residual_at_mean)
+        self.mean_columns = self._project(own.mean_columns)
 
     def _project(self, white: FloatArray) -> FloatArray:
         inside = self._basis.T @ white

@@ -91,7 +91,7 @@ def nameless_of(account: Account, nothing: Account, named: Sequence[str]) -> Nam
 
 
 def remainder_of(account: Account, nothing: Account) -> Remainder:
-    """Weigh what an account leaves, beside what its laws may leave as they are right to a tenth.
+    """Weigh what an account leaves, beside what its laws may leave as far as they are likely to be off.
 
     A shape is weighed as an effect is, by the noise that is left with it: a slow one would pass for noise. So would
     what wanders in contact alone; it is told by the parts of a trial out of contact.
@@ -135,7 +135,7 @@ def find_transients(fit: StudyFit) -> Bursts:
 
 
 def shape_left(account: Account) -> CommonShape:
-    """Return the shape that all trials have in common beside an account, its laws right to a tenth."""
+    """Return the shape that all trials have in common beside an account, its laws as far off as is likely."""
     known = account.as_off
     return common_shape(account.fit, known.columns, known.precision)
 

@@ -31,7 +31,8 @@ def worth_trying(
 
     What was taken for slow noise is found where none is granted, most of all what comes in each trial anew. There slow
     noise that is none but noise looks like it, too: beside the noise, as large as it was measured, half of what is
-    enough must be left of it. Of few trials all is tried: in their one tissue much is far from a line.
+    enough must be left of it. Laws that are granted to be off may be so for want of one: what says most beside exact
+    ones is tried, too. Of few trials all is tried: in their one tissue much is far from a line.
 
     ``left`` are the nats that the present laws leave to laws and to others; ``among`` names the laws, where only some
     are asked for, and nothing else.

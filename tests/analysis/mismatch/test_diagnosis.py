@@ -20,10 +20,11 @@ from analysis.mismatch.evidence.inexactness import (
     sample_columns,
     with_inexactness,
 )
-from analysis.mismatch.evidence.shares import EXACT
+from analysis.mismatch.evidence.shares import even_shares
 from analysis.mismatch.fit.baseline import fit_baseline, noise_left
 from analysis.mismatch.fit.noise import FASTEST_SLOW_S
 from analysis.mismatch.fit.slow_noise import change_in_a_second
+from analysis.mismatch.levels import INEXACT
 from analysis.mismatch.model.dictionary import templates
 from analysis.mismatch.name.event_scan import at_rest, candidate_times, within
 from analysis.mismatch.name.finding import weighed
@@ -192,7 +193,11 @@ def test_a_law_may_go_another_way_in_waves_by_a_third_of_what_it_is_off() -> Non
     d = np.clip((trial.position_mm - trial.position_mm[ramp][0]) / np.ptp(trial.position_mm[ramp]), 0.0, 1.0)
     effect = 60.0 * d**2
     waves = 0.03 * effect * np.cos(4.0 * np.pi * d) * ramp
-    columns, precision = inexact_columns(trial, [effect]), inexact_precision(EXACT, ["stiffening"])
+    names = ["stiffening"]
+    columns, precision = (
+        inexact_columns(trial, [effect]),
+        inexact_precision(even_shares(names, INEXACT), names),
+    )
     H = columns.T @ (columns * trial.counts[:, None]) + 0.2**2 * np.diag(precision)
     of_it = np.linalg.solve(H, columns.T @ (trial.counts * waves))
     assert np.linalg.norm(waves - columns @ of_it) < 0.25 * np.linalg.norm(waves)
@@ -201,7 +206,8 @@ def test_a_law_may_go_another_way_in_waves_by_a_third_of_what_it_is_off() -> Non
 
 def test_what_a_trial_s_law_may_be_off_by_holds_no_more_than_itself(rubbing: Diagnosis) -> None:
     exact = rubbing.improved.exact.fit
-    fit = with_inexactness(exact, EXACT, inexact_names(exact))
+    names = inexact_names(exact)
+    fit = with_inexactness(exact, even_shares(names, INEXACT), names)
     own = [shape.shape for state in fit.states for shape in state.shapes if shape.kind == INEXACT_KIND]
     assert own
     assert all(shape.base is None for shape in own)

@@ -97,7 +97,8 @@ class Mechanism:
     settings at which its signature is taken (several where its shape depends on them). ``amplitude`` names the
     parameter that scales the effect: it is what a report says the size of.
 
-    ``of_site``: its size is the skin's where it was pressed, and differs between sites as the tissue's constants do.
+    ``of_site`` are the parameters that are the skin's where it was pressed, and differ between sites as the tissue's
+    constants do.
 
     ``inseparable`` names mechanisms of the same shape to the eye of any one experiment of this kind; they are listed
     as alternatives however well one of the two laws fits. ``separated_by`` says what tells them apart.
@@ -117,7 +118,7 @@ class Mechanism:
     typical: ClassVar[Values] = {}
     one_sided: ClassVar[bool] = True
     needs_contact: ClassVar[bool] = True
-    of_site: ClassVar[bool] = False
+    of_site: ClassVar[tuple[str, ...]] = ()
     sensor_rank: ClassVar[int] = 0
     words: ClassVar[str] = ""
     source: ClassVar[str] = ""

@@ -57,9 +57,6 @@ def explains_itself(account: Account, before: Account, gain: float, asked: float
         return gain - max(account.granted - before.granted, 0.0) >= KEPT * gain
     tenth = even_shares(account.may_be_off, INEXACT)
     shares = account.rough.inexact.or_larger(before.rough.inexact)
-    if account.steps.keys() - before.steps.keys():
-        # how a law differs from trial to trial few of its shapes tell, and what comes in each anew may take that up
-        shares = shares.or_larger(tenth)
     added = frozenset(account.may_be_off) - frozenset(before.may_be_off)
     shares = shares.no_more_than(tenth, added)
     without = before.rough.inexact_to(shares)

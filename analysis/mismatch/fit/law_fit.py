@@ -189,20 +189,21 @@ def fit_laws(fit: StudyFit, rounds: int = ROUNDS) -> StudyFit:
 
 
 def centred(fit: StudyFit) -> StudyFit:
-    """Return the fit with the mean of what its trials' own sizes have in common put into the size: no force changes.
+    """Return the fit with what its trials' own values have in common put into the laws' values: no force changes.
 
-    A step of the size alone, its trials' own following, is a long way along a narrow valley.
+    A step of a size alone, its trials' own following, is a long way along a narrow valley.
     """
-    for at, law in enumerate(fit.shared.laws):
-        places = [state.shapes.sizes.get(law.name) for state in fit.states]
+    for at, p in ((at, p) for at, law in enumerate(fit.shared.laws) for p in law.of_site):
+        law = fit.shared.laws[at]
+        places = [state.shapes.law_values.get((law.name, p.name)) for state in fit.states]
         own = [s.coefficients[k] for s, k in zip(fit.states, places, strict=True) if k is not None]
-        size, value = law.size, law.values[law.size.name]
+        value = law.values[p.name]
         known = sum(1.0 / s.shapes[k].prior for s, k in zip(fit.states, places, strict=True) if k is not None)
         mean = float(np.mean(own)) if own else 0.0
         if known * mean**2 < DONE or not value:
             continue
-        shared = with_value(fit.shared, at, size, size.to_fit(value * float(np.exp(mean))))
-        step = float(np.log(shared.laws[at].values[size.name] / value))
+        shared = with_value(fit.shared, at, p, p.to_fit(value * float(np.exp(mean))))
+        step = float(np.log(shared.laws[at].values[p.name] / value))
         states = [
             replace(s, coefficients=s.coefficients - step * (np.arange(len(s.coefficients)) == k))
             for s, k in zip(fit.states, places, strict=True)

@@ -26,8 +26,6 @@ FloatArray = NDArray[np.float64]
 COLUMNS = {"force_columns", "own", "projectors"}
 """What a fit computes of itself and may compute again."""
 AT_REST = ("hold", "dwell")
-SITE_KIND = "site"
-"""Marks the trial's own size of a law."""
 MOST_HELD_BYTES = 5e8
 """A quarter of the 2 GB within which a diagnosis stays."""
 
@@ -155,7 +153,7 @@ class StudyFit:
                 tissue_likelihood(own, s) for own, s in zip(fit.own, fit.states, strict=True) if s.has_tissue
             ]
             population = estimate(likelihoods, fit.population)
-            states = rhythms_sized(fit, sizes_scattered(fit))
+            states = rhythms_sized(fit, values_scattered(fit))
             near, fit = fit, replace(fit, states=states, population=population)
         return fit.with_states(near=near)
 
@@ -179,8 +177,8 @@ class StudyFit:
         return fit
 
 
-def with_own_sizes(fit: StudyFit) -> StudyFit:
-    """Return the fit in which laws that are the skin's have a size of their own in every trial.
+def with_own_values(fit: StudyFit) -> StudyFit:
+    """Return the fit in which what is the skin's of laws is each trial's own: their size, and their time.
 
     Of one or two trials none can say how it differs.
     """
@@ -189,9 +187,10 @@ def with_own_sizes(fit: StudyFit) -> StudyFit:
     states = []
     for trial, state in zip(fit.trials, fit.states, strict=True):
         shapes = [
-            OwnShape(law.name, "size", np.zeros(0), OF_SITE**2, kind=SITE_KIND)
+            OwnShape(law.name, "value", np.zeros(0), OF_SITE**2, kind=p.name)
             for law in fit.shared.laws
-            if law.mechanism.of_site and law.mechanism.applies(trial) and law.name not in state.shapes.sizes
+            for p in law.of_site
+            if law.mechanism.applies(trial) and (law.name, p.name) not in state.shapes.law_values
         ]
         states.append(state.with_shapes(shapes))
     return replace(fit, states=tuple(states))
@@ -212,17 +211,17 @@ def tissue_likelihood(own: OwnColumns, state: TrialState) -> tuple[FloatArray, F
     return H, H @ state.log_tissue + g
 
 
-def sizes_scattered(fit: StudyFit) -> tuple[TrialState, ...]:
-    """Return the trials' states with what is known of the laws' own sizes as their scatter between trials tells it.
+def values_scattered(fit: StudyFit) -> tuple[TrialState, ...]:
+    """Return the trials' states with what is known of laws' own values as their scatter between trials tells it.
 
     What does not vary is known not to, and costs no power.
     """
     states = fit.states
-    for law in fit.shared.laws:
-        at = {j: s.shapes.sizes[law.name] for j, s in enumerate(states) if law.name in s.shapes.sizes}
+    for of in ((law.name, p.name) for law in fit.shared.laws for p in law.of_site):
+        at = {j: s.shapes.law_values[of] for j, s in enumerate(states) if of in s.shapes.law_values}
         if len(at) < FEWEST_ALIKE:
             continue
-        likelihoods = [size_likelihood(fit.own[j], states[j], k) for j, k in at.items()]
+        likelihoods = [value_likelihood(fit.own[j], states[j], k) for j, k in at.items()]
         variance = site_variance(*np.array(likelihoods).T)
         states = tuple(s.known_to(at[j], variance) if j in at else s for j, s in enumerate(states))
     return states
@@ -246,7 +245,7 @@ def rhythms_sized(fit: StudyFit, states: Sequence[TrialState]) -> tuple[TrialSta
     return tuple(state.larger(by) for state in states)
 
 
-def size_likelihood(own: OwnColumns, state: TrialState, k: int) -> tuple[float, float]:
+def value_likelihood(own: OwnColumns, state: TrialState, k: int) -> tuple[float, float]:
     """Return what a trial alone says of its k-th own shape: information, and that times the estimate."""
     at = own.tissue.stop + k
     variance = float(own.covariance[at, at])

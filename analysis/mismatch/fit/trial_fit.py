@@ -125,7 +125,7 @@ def limited(
     cut: FloatArray = np.array(step, dtype=np.float64)
     logarithms = [
         *range(own.tissue.start, own.tissue.stop),
-        *(own.tissue.stop + k for k in state.shapes.sizes.values()),
+        *(own.tissue.stop + k for k in state.shapes.law_values.values()),
     ]
     cut[logarithms] = np.clip(cut[logarithms], -LARGEST_LOG_STEP, LARGEST_LOG_STEP)
     if trial.touches:

@@ -18,7 +18,7 @@ from analysis.simulation.response import low_pass
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-Acts = Literal["surface", "share", "force", "size", "block"]
+Acts = Literal["surface", "share", "force", "value", "block"]
 
 STIFFEST = 0.01
 """A block gives no less than this share of what it is said to give."""
@@ -51,6 +51,11 @@ class Law:
         return whole if whole.name in self.free else self.parameters[0]
 
     @property
+    def of_site(self) -> tuple[Parameter, ...]:
+        """Those of the fitted parameters that are the skin's, and differ between sites."""
+        return tuple(p for p in self.parameters if p.name in self.mechanism.of_site)
+
+    @property
     def is_nothing(self) -> bool:
         """Whether the effect has no size: nothing follows from its being there."""
         p = self.size
@@ -62,10 +67,10 @@ class OwnShape:
     """A shape (n,) with a coefficient of its own in one trial, drawn with variance ``prior`` about zero.
 
     It moves the ``surface`` (mm towards the arm), is a lost ``share`` of the contact force, or adds to
-    the ``force`` that is read (mN). Of what acts on the ``size`` of a law, the coefficient is the logarithm of how much
+    the ``force`` that is read (mN). Of what acts on a ``value`` of a law, the coefficient is the logarithm of how much
     larger it is in this trial, and there is no shape; of a ``block`` it is the share by which that gives more.
     ``at`` is where: the time (s) of a step, the frequency (Hz) of an oscillation. ``kind`` marks what an effect may do
-    besides (creep, harmonics, inexactness); it is empty for the effect itself.
+    besides (creep, harmonics, inexactness), or names the law's parameter; it is empty for the effect itself.
     """
 
     effect: str
@@ -78,7 +83,7 @@ class OwnShape:
     @property
     def is_number(self) -> bool:
         """Whether it changes a number of the simulation, and has no shape."""
-        return self.acts in ("size", "block")
+        return self.acts in ("value", "block")
 
 
 class OwnShapes(tuple[OwnShape, ...]):
@@ -106,9 +111,9 @@ class OwnShapes(tuple[OwnShape, ...]):
         return next((k for k, shape in enumerate(self) if shape.acts == "block"), None)
 
     @cached_property
-    def sizes(self) -> dict[str, int]:
-        """For each law whose size is the trial's own: where its logarithm stands."""
-        return {shape.effect: k for k, shape in enumerate(self) if shape.acts == "size"}
+    def law_values(self) -> dict[tuple[str, str], int]:
+        """For each law and parameter of it whose value is the trial's own: where its logarithm stands."""
+        return {(shape.effect, shape.kind): k for k, shape in enumerate(self) if shape.acts == "value"}
 
 
 @dataclass(frozen=True)
@@ -183,12 +188,12 @@ class Shared:
 
 
 def values_here(law: Law, state: TrialState) -> Values:
-    """Return a law's values in a trial, in which its size may be another one."""
-    at = state.shapes.sizes.get(law.name)
-    if at is None:
-        return law.values
-    size = law.size.name
-    return {**law.values, size: law.values[size] * float(np.exp(state.coefficients[at]))}
+    """Return a law's values in a trial, in which some may be others."""
+    own = {p: at for (name, p), at in state.shapes.law_values.items() if name == law.name}
+    return {
+        **law.values,
+        **{p: law.values[p] * float(np.exp(state.coefficients[at])) for p, at in own.items()},
+    }
 
 
 def block_stiffness(trial: CellTrial, state: TrialState, shared: Shared) -> float:

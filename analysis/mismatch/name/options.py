@@ -17,7 +17,7 @@ from analysis.mismatch.fit.gram import gram, solve
 from analysis.mismatch.fit.law_fit import fit_laws
 from analysis.mismatch.fit.settled import Settled
 from analysis.mismatch.fit.steadied import steadied
-from analysis.mismatch.fit.study_fit import StudyFit, with_own_sizes
+from analysis.mismatch.fit.study_fit import StudyFit, with_own_values
 from analysis.mismatch.levels import (
     ENOUGH_OWN,
     ENOUGH_SHARED,
@@ -141,7 +141,7 @@ def _law_refit(
         hold = [
             f for f in refitted if all(law.mechanism.holds(law.values, depth_mm) for law in f.shared.laws)
         ]
-        best = with_own_sizes(min(hold or refitted, key=lambda f: f.cost))
+        best = with_own_values(min(hold or refitted, key=lambda f: f.cost))
         return replace(exact, fit=best).with_laws(best.shared.laws)
 
     return refit

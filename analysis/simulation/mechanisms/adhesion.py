@@ -76,7 +76,7 @@ class Adhesion(Mechanism):
         {"pull_off_mn": 5.0, "peel": 5e-3, "roundness": 3.0, "reach": 1.5},
     )
     typical = {"pull_off_mn": 2.0, "peel": 5e-3, "roundness": 30.0, "reach": 1.0}
-    of_site = True
+    of_site = ("pull_off_mn",)
     words = "on the way back the skin clings to the punch and pulls before it lets go"
     source = "pull-off of an adhering flat punch"
     separated_by = "talcum on the punch"

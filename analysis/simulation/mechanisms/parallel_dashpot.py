@@ -20,7 +20,7 @@ class ParallelDashpot(Mechanism):
 
     name = "parallel_dashpot"
     stage = "tissue"
-    of_site = True
+    of_site = ("coefficient_mn_s_per_mm",)
     parameters = (
         Parameter("coefficient_mn_s_per_mm", "mN s/mm", 0.0, 1.0e4),
         Parameter("settle_ms", "ms", 0.01, 5.0, "log", inner=True),

@@ -14,7 +14,7 @@ class ThirdRelaxation(Mechanism):
 
     name = "third_relaxation"
     stage = "tissue"
-    of_site = True
+    of_site = ("ratio_to_k0", "time_constant_s")
     parameters = (
         Parameter("ratio_to_k0", "1", 0.0, 20.0),
         Parameter("time_constant_s", "s", 1e-3, 300.0, "log"),

@@ -81,10 +81,10 @@ def test_a_third_arm_differs_between_sites_and_leaves_no_breath(record: Callable
     quiet = "[noise]\nforce_mn_rms = 0.08\n"
     fit = fit_baseline(take_in_memory(record(51, quiet, plans)).trials)
     random = np.random.default_rng(51)
+    drawn = np.array([0.15, 0.8]) * np.exp(0.1 * random.normal(size=(len(fit.trials), 2)))
     trials = []
-    for trial, state in zip(fit.trials, fit.states, strict=True):
-        ratio, time_s = 0.15 * np.exp(0.1 * random.normal()), 0.8 * np.exp(0.1 * random.normal())
-        arm = Law(THIRD, {"ratio_to_k0": float(ratio), "time_constant_s": float(time_s)}, FREE)
+    for trial, state, of_site in zip(fit.trials, fit.states, drawn, strict=True):
+        arm = Law(THIRD, dict(zip(THIRD.of_site, map(float, of_site), strict=True)), FREE)
         bare = replace(state, offset_mn=0.0)
         added_mn = simulate(trial, bare, Shared((arm,))) - simulate(trial, bare, Shared())
         full_mn = trial.full_force_mn + trial.at_samples(added_mn)
@@ -97,6 +97,8 @@ def test_a_third_arm_differs_between_sites_and_leaves_no_breath(record: Callable
     account = third.account.settled()
     (law,) = account.fit.shared.laws
     assert law.values == pytest.approx({"ratio_to_k0": 0.15, "time_constant_s": 0.8}, rel=0.15)
-    sizes = [s.coefficients[s.shapes.sizes["third_relaxation"]] for s in account.fit.states]
-    assert 0.03 < np.std(sizes) < 0.3
+    for which, parameter in enumerate(THIRD.of_site):
+        found = [s.coefficients[s.shapes.law_values[THIRD.name, parameter]] for s in account.fit.states]
+        assert np.corrcoef(found, np.log(drawn)[:, which])[0, 1] > 0.8
+        assert 0.03 < np.std(found) < 0.3
     assert not considered(account, nothing, {})

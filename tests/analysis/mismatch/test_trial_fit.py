@@ -16,7 +16,7 @@ from analysis.mismatch.fit import study_fit
 from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.fit.law_fit import centred, fit_laws
 from analysis.mismatch.fit.own import force_columns
-from analysis.mismatch.fit.study_fit import with_own_sizes
+from analysis.mismatch.fit.study_fit import with_own_values
 from analysis.mismatch.fit.trial_fit import bounded, fit_trial
 from analysis.mismatch.model.effects import Law, Shared, simulate
 from analysis.mismatch.study.intake import take_in_memory
@@ -131,10 +131,10 @@ def test_every_site_has_its_own_adhesion(record: Callable[..., list[Trial]]) -> 
     clinging = tuple(replace(t, force_mn=f) for t, f in zip(fit.trials, forces, strict=True))
     law = Law(adhesion, {**adhesion.null, "pull_off_mn": 5.0}, ("pull_off_mn",))
     found = replace(fit, trials=clinging, shared=replace(fit.shared, laws=(law,)))
-    found = with_own_sizes(found).with_states()
-    sizes = [float(s.coefficients[s.shapes.sizes["adhesion"]]) for s in found.states]
+    found = with_own_values(found).with_states()
+    sizes = [float(s.coefficients[s.shapes.law_values["adhesion", "pull_off_mn"]]) for s in found.states]
     assert 5.0 * np.exp(sizes) == pytest.approx(pulls_mn, rel=0.01)
-    assert with_own_sizes(found).states == found.states
+    assert with_own_values(found).states == found.states
 
 
 @pytest.mark.parametrize("differs", [0.0, 0.12])
@@ -157,10 +157,11 @@ def test_a_size_that_is_the_same_in_all_trials_costs_none_of_them_anything(
         for t, s, with_size in zip(fit.trials, fit.states, laws, strict=True)
     ]
     begun = replace(fit, trials=tuple(dragging), shared=replace(fit.shared, laws=(law,)))
-    free = Account(with_own_sizes(begun).with_states())
+    free = Account(with_own_values(begun).with_states())
     found = Account(free.fit.with_population(1))
-    (known,) = {s.shapes[s.shapes.sizes["parallel_dashpot"]].prior for s in found.fit.states}
-    of_own = np.array([s.coefficients[s.shapes.sizes["parallel_dashpot"]] for s in found.fit.states])
+    # the dashpot's is the only value that is a trial's own
+    (known,) = {s.shapes[0].prior for s in found.fit.states}
+    of_own = np.array([s.coefficients[0] for s in found.fit.states])
     if differs:
         assert np.sqrt(known) == pytest.approx(differs, rel=0.4)
         np.testing.assert_allclose(of_own - np.mean(of_own), own - np.mean(own), atol=0.03)
@@ -174,7 +175,7 @@ def test_what_sizes_of_all_sites_have_in_common_is_the_laws(record: Callable[...
     fit = fit_baseline(take_in_memory(trials).trials)
     dashpot = library()["parallel_dashpot"]
     law = Law(dashpot, {**dashpot.null, dashpot.amplitude: 0.5}, (dashpot.amplitude,))
-    fit = with_own_sizes(replace(fit, shared=replace(fit.shared, laws=(law,))))
+    fit = with_own_values(replace(fit, shared=replace(fit.shared, laws=(law,))))
     states = [
         replace(s, coefficients=np.array([c])) for s, c in zip(fit.states, (0.1, 0.3, 0.2), strict=True)
     ]
@@ -201,7 +202,7 @@ def test_a_size_far_from_that_of_its_site_is_approached_step_by_step(
 
     forces = [simulate(t, s, beside(100.0)) for t, s in zip(fit.trials, fit.states, strict=True)]
     dragging = tuple(replace(t, force_mn=f) for t, f in zip(fit.trials, forces, strict=True))
-    begun = with_own_sizes(replace(fit, trials=dragging, shared=beside(0.1)))
+    begun = with_own_values(replace(fit, trials=dragging, shared=beside(0.1)))
     found = begun.with_states()
     assert found.left_mn < begun.left_mn
     for state in found.states:

@@ -129,6 +129,8 @@ def test_every_mechanism_says_in_words_what_it_is() -> None:
         assert mechanism.source, mechanism.name
         if mechanism.parameters:
             assert mechanism.amplitude in {p.name for p in mechanism.parameters}
+        # a site's own value is so many times the others': none may be nothing or less
+        assert all(mechanism.parameter(name).lower >= 0.0 for name in mechanism.of_site), mechanism.name
         for other in mechanism.inseparable:
             assert other in library()
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import lru_cache
 
 import numpy as np
 from scipy.optimize import brentq
@@ -28,6 +28,8 @@ _STEP = 1e-4
 _STEP_MM = 5e-5
 _FORCE_NOISE_MN = 0.3
 _POSITION_NOISE_MM = 2.5e-4
+_STUDIES_KEPT = 4
+"""A case asks for the same few benches again and again; a study takes 20 MB, and a campaign draws hundreds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +146,7 @@ def quiet_bench(
     )
 
 
-@cache
+@lru_cache(maxsize=_STUDIES_KEPT)
 def _recorded(settings: BenchSettings, plans: tuple[TrialPlan, ...]) -> tuple[Quiet, ...]:
     return record_quietly(settings, plans)
 

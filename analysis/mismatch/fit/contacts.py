@@ -13,8 +13,8 @@ from analysis.mismatch.fit.trial_fit import fit_trial
 from analysis.mismatch.fit.whitener import Whitener
 from analysis.mismatch.model.effects import TrialState
 
-AWAY = (-1.4, -0.7, 0.7, 1.4)
-"""Times the rms by which a surface moves: as far as the ends of a sine, and half of that."""
+AWAY = (-1.4, -0.7, -0.35, 0.35, 0.7, 1.4)
+"""Times the rms by which a surface moves: as far as the ends of a sine, half of that, and half of it again."""
 LIKELIER = 2.0
 """Deviance that another beginning must gain."""
 MOST_MOVES = 4

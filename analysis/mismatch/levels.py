@@ -48,7 +48,8 @@ STRETCHED = 4.0
 """Standard deviations from the textbook beyond which an inner parameter makes a law another one."""
 
 KEPT = 0.5
-"""Share of its gain that an effect must bring itself; the other part is that laws are granted to be off beside it."""
+"""Share of its gain that an effect must bring itself; the other part is that laws are granted to be off beside it, or
+what it may do besides."""
 
 SMALL_SHARE = 0.1
 """A remainder of less than so much of the mismatch is a law's own inexactness (the report's contract): one that is

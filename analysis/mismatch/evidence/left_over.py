@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +18,8 @@ from analysis.mismatch.levels import (
     SMALL_SHARE,
     UNFORESEEN,
 )
+from analysis.mismatch.model.effects import OwnShape
+from analysis.simulation.mechanism import library
 
 
 def left_over(account: Account, explained: float, adds: Mapping[str, float]) -> tuple[float, float]:
@@ -82,3 +84,24 @@ def mends(account: Account, before: Account, nothing: Account, gain: float) -> b
     if before.granted <= max(SMALL_SHARE * before.gain_over(nothing)[0], gain):
         return True
     return account.granted <= before.granted - ENOUGH_SHARED
+
+
+def brings_itself(account: Account, name: str) -> bool:
+    """Return whether what comes in each trial anew gains what it does as its law has it: half without what it may do
+    besides.
+
+    A drop of a fifth of a millinewton and much that goes on after it is no slip. What has no name has no law either.
+    """
+    if name not in account.steps or name not in library():
+        return True
+    fit = account.exact.fit
+
+    def cost(kept: Callable[[OwnShape], bool]) -> float:
+        states = (
+            s.with_only([k for k, x in enumerate(s.shapes) if x.effect != name or kept(x)])
+            for s in fit.states
+        )
+        return replace(fit, states=tuple(states)).with_states().cost
+
+    nothing = cost(lambda _: False)
+    return nothing - cost(lambda x: not x.kind) >= KEPT * (nothing - cost(lambda _: True))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 from analysis.mismatch.evidence.account import Account
-from analysis.mismatch.evidence.left_over import explains_itself, frees, left_over, mends
+from analysis.mismatch.evidence.left_over import brings_itself, explains_itself, frees, left_over, mends
 from analysis.mismatch.fit.arms import weakest_apart
 from analysis.mismatch.fit.settled import settled_columns
 from analysis.mismatch.levels import (
@@ -236,7 +236,8 @@ def as_rival(
         or (anew and stands_for_shape(account, gain))
     ):
         return []
-    if not all(size_is_told(refitted, law) for law in refitted.fit.shared.laws if law.name == name):
+    told = all(size_is_told(refitted, law) for law in refitted.fit.shared.laws if law.name == name)
+    if not told or not brings_itself(refitted, name):
         return []
     itself = freed or explains_itself(refitted, account, gain, asked)
     return [Rival(name, gain, error, refitted.let_go(), left, refitted.granted_share(nothing), itself)]

@@ -253,6 +253,25 @@ def test_a_gain_that_jumps_either_way_is_no_slip(
     assert best.name == first
 
 
+def test_what_is_lost_by_and_by_is_no_slip(record: Callable[..., list[Trial]]) -> None:
+    """Fluid that drains as the root of time until none is left: a small drop, and much that goes on after it."""
+    trials = record(61, plans=study_plans(depths_mm=(0.4, 0.7), repeats=4, hold_s=6.0, dwell_s=0.4))
+    fit = fit_baseline(take_in_memory(trials).trials)
+    random = np.random.default_rng(62)
+    drained = []
+    for trial, state in zip(fit.trials, fit.states, strict=True):
+        since_s = np.maximum(trial.time_s - trial.time_s[trial.in_phase("hold")][0], 0.0)
+        lasts_s = 1.8 * np.exp(0.1 * random.normal())
+        lost = 0.08 * np.sqrt(np.minimum(since_s / lasts_s, 1.0))
+        drained_mn = simulate(trial, state, fit.shared, {"share": lost}) - simulate(trial, state, fit.shared)
+        full_mn = trial.full_force_mn + np.interp(trial.full_time_s, trial.time_s, drained_mn)
+        drained.append(
+            replace(trial, force_mn=trial.force_mn + drained_mn, full_force_mn=full_mn.astype(np.float32))
+        )
+    nothing = Account(fit_baseline(drained))
+    assert "slip" not in [rival.name for rival in considered(nothing, nothing, {})]
+
+
 @pytest.mark.parametrize("stays", [True, False], ids=["stays", "comes and goes"])
 def test_what_changes_slowly_once_or_twice_in_a_trial_is_no_breath(
     record: Callable[..., list[Trial]], stays: bool

@@ -49,6 +49,15 @@ def share_off(account: Account) -> float:
     return float(np.sqrt(np.average(off.inexact.of(off.may_be_off) ** 2, weights=off.explained_by_phase)))
 
 
+def off_by_a_third(account: Account, name: str) -> bool:
+    """Return whether an effect is off by a third or more where it explains most: by so much another law is."""
+    off = account.as_off
+    if name not in off.may_be_off or not off.inexact:
+        return False
+    most = int(np.argmax(off.explained_by_phase[off.may_be_off.index(name)]))
+    return bool(np.isclose(off.inexact.of([name])[0, most], ROUGH))
+
+
 def explains_itself(account: Account, before: Account, gain: float, asked: float) -> bool:
     """Return whether what an account gains over the one before is not just what laws may be off by.
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.mismatch.evidence.account import Account
+from analysis.mismatch.evidence.left_over import off_by_a_third
 from analysis.mismatch.fit.law_fit import at_bound
 from analysis.mismatch.levels import INEXACT, TEMPER, TWO_ERRORS, WORTH_NAMING
 from analysis.mismatch.name.law_sizes import law_sizes, loosened
@@ -26,7 +27,10 @@ LOOKED_AT = 60
 
 @dataclass(frozen=True)
 class Finding:
-    """One effect: evidence (nats) lost without it, adjusted p-value, sizes, probability, alternatives by name."""
+    """One effect: evidence (nats) lost without it, adjusted p-value, sizes, probability, alternatives by name.
+
+    One ``at_bound`` is at an end of what its law may be, or off by all that a law may be.
+    """
 
     mechanism: Mechanism
     evidence: float
@@ -74,7 +78,7 @@ def findings(named: Named, baseline: Account, lines: Sequence[Line]) -> tuple[Fi
                 sizes,
                 probability,
                 alternatives,
-                elsewhere,
+                elsewhere or off_by_a_third(account, name),
             )
         )
     for line in lines:

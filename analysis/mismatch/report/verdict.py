@@ -276,8 +276,8 @@ def _notes(diagnosis: Diagnosis, mechanisms: Sequence[FoundMechanism]) -> tuple[
             f"{wording.percent(1.0 - _left(diagnosis))} of it: too little to be its name."
         )
     notes += [
-        f"{wording.symbol(f.name).capitalize()} ended at the limit of its range: a law that has to go so far is not "
-        "the right one."
+        f"{wording.symbol(f.name).capitalize()} ended at the limit of its range, or of what a law may be off by: one "
+        "that has to go so far is not the right one."
         for f in diagnosis.findings
         if f.at_bound
     ]

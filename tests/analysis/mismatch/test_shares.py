@@ -10,6 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from analysis.mismatch.evidence.account import Account
+from analysis.mismatch.evidence.left_over import off_by_a_third
 from analysis.mismatch.evidence.shares import EXACT, OffCoefficients, Shares, even_shares, likeliest_shares
 from analysis.mismatch.fit.own import OwnColumns
 from analysis.mismatch.fit.study_fit import StudyFit
@@ -55,6 +57,20 @@ def test_what_shows_nothing_stays_right_to_a_tenth() -> None:
 
 def test_what_is_off_by_more_than_a_third_is_another_law() -> None:
     assert _found([2.0], 30.0, 0) == pytest.approx([ROUGH])
+
+
+@pytest.mark.parametrize(("in_hold", "in_ramp", "another"), [(ROUGH, 0.1, True), (0.1, ROUGH, False)])
+def test_a_law_is_another_where_it_is_off_by_a_third_in_what_it_explains_most(
+    in_hold: float, in_ramp: float, another: bool
+) -> None:
+    off = np.full(len(PHASE_NAMES), INEXACT)
+    explained = np.ones((1, len(PHASE_NAMES)))
+    for phase, share, of_it in (("ramp", in_ramp, 10.0), ("hold", in_hold, 90.0)):
+        off[PHASE_NAMES.index(phase)], explained[0, PHASE_NAMES.index(phase)] = share, of_it
+    granted = SimpleNamespace(inexact=Shares({"arm": off}), may_be_off=("arm",), explained_by_phase=explained)
+    account = cast(Account, SimpleNamespace(as_off=granted))
+    assert off_by_a_third(account, "arm") is another
+    assert not off_by_a_third(account, "drift")
 
 
 @settings(deadline=None, max_examples=50)

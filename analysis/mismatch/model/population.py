@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,7 +48,7 @@ class Population:
         lowest[TIMES] = np.log(recorded_s / PARTS_RESOLVED)
         return Population(mean, WEAK**2 * np.eye(len(mean)), lowest)
 
-    @property
+    @cached_property
     def precision(self) -> FloatArray:
         """Inverse covariance (5, 5)."""
         return np.asarray(np.linalg.inv(self.covariance), dtype=np.float64)

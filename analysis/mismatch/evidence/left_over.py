@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.evidence.shares import even_shares
+from analysis.mismatch.fit.law_fit import fit_laws
+from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import (
     ENOUGH_SHARED,
     FEWEST_HELD_OUT,
@@ -18,7 +20,6 @@ from analysis.mismatch.levels import (
     SMALL_SHARE,
     UNFORESEEN,
 )
-from analysis.mismatch.model.effects import OwnShape
 from analysis.simulation.mechanism import library
 
 
@@ -96,21 +97,29 @@ def mends(account: Account, before: Account, nothing: Account, gain: float) -> b
 
 
 def brings_itself(account: Account, name: str) -> bool:
-    """Return whether what comes in each trial anew gains what it does as its law has it: half without what it may do
-    besides.
+    """Return whether an effect gains what it does as the textbook has it: half without what it may do besides.
 
-    A drop of a fifth of a millinewton and much that goes on after it is no slip. What has no name has no law either.
+    A drop of a fifth of a millinewton and much that goes on after it is no slip, and what rings long after an arm is
+    struck is no arm's mass. What has no name has no textbook either.
     """
-    if name not in account.steps or name not in library():
+    exact = account.exact
+    textbook = as_textbook(exact.fit, name)
+    if textbook is exact.fit or name not in library():
         return True
-    fit = account.exact.fit
+    nothing, itself, whole = (fit_laws(fit).cost for fit in (exact.stripped(name).fit, textbook, exact.fit))
+    return nothing - itself >= KEPT * (nothing - whole)
 
-    def cost(kept: Callable[[OwnShape], bool]) -> float:
-        states = (
-            s.with_only([k for k, x in enumerate(s.shapes) if x.effect != name or kept(x)])
-            for s in fit.states
-        )
-        return replace(fit, states=tuple(states)).with_states().cost
 
-    nothing = cost(lambda _: False)
-    return nothing - cost(lambda x: not x.kind) >= KEPT * (nothing - cost(lambda _: True))
+def as_textbook(fit: StudyFit, name: str) -> StudyFit:
+    """Return the fit without what one of its effects may do besides its textbook's form; itself where it does nothing.
+
+    What differs from site to site is the skin's, in the textbook too.
+    """
+    laws = tuple(law.textbook if law.name == name else law for law in fit.shared.laws)
+    states = tuple(
+        s.with_only([k for k, x in enumerate(s.shapes) if x.effect != name or not x.kind or x.is_number])
+        for s in fit.states
+    )
+    if laws == fit.shared.laws and all(new is old for new, old in zip(states, fit.states, strict=True)):
+        return fit
+    return replace(fit, shared=replace(fit.shared, laws=laws), states=states)

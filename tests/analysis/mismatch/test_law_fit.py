@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from scipy.optimize import Bounds, minimize
 
 from analysis.mismatch.evidence.account import Account
+from analysis.mismatch.evidence.left_over import brings_itself
 from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.fit.law_fit import (
     LARGEST_TISSUE_STEP,
@@ -32,6 +33,7 @@ from analysis.mismatch.name.own_sizes import SIZE_INEXACT
 from analysis.mismatch.study.intake import take_in_memory
 from analysis.recordings.trial import Trial
 from analysis.simulation.mechanism import Mechanism, library
+from sim_hardware.concealment.offline import study_plans
 
 CELLS = 60
 
@@ -191,3 +193,22 @@ def test_what_a_kinder_noise_brings_is_no_gain_of_an_effect(record: Callable[...
     kinder = harsh.at_noise(fit.noise)
     assert kinder.gain_over(harsh)[0] > 100.0
     assert abs(kinder.gain_by_itself(harsh)[0]) < 1.0
+
+
+@pytest.mark.parametrize(
+    ("rings_ms", "damping", "itself"), [(0.2, 0.5, True), (2.0, 0.05, False)], ids=["arm", "bell"]
+)
+def test_a_law_gains_what_it_does_in_its_textbook_s_form(
+    record: Callable[..., list[Trial]], rings_ms: float, damping: float, itself: bool
+) -> None:
+    """An arm that is struck where the motion turns; and what rings at 80 Hz long after, which is no arm's mass."""
+    plans = study_plans(depths_mm=(0.4, 0.7), repeats=3, hold_s=2.0, dwell_s=0.4)
+    fit = fit_baseline(take_in_memory(record(63, plans=plans)).trials)
+    inertia = library()["arm_inertia"]
+    values = {**inertia.null, "mass_g": 0.5, "rings_ms": rings_ms, "damping": damping}
+    shared = replace(fit.shared, laws=(Law(inertia, values, tuple(p.name for p in inertia.parameters)),))
+    trials = tuple(
+        replace(t, force_mn=t.force_mn + simulate(t, s, shared) - simulate(t, s, fit.shared))
+        for t, s in zip(fit.trials, fit.states, strict=True)
+    )
+    assert brings_itself(Account(replace(fit, trials=trials, shared=shared)), inertia.name) is itself

@@ -198,11 +198,11 @@ class Shared:
 
 def values_here(law: Law, state: TrialState) -> Values:
     """Return a law's values in a trial, in which some may be others."""
-    own = {p: at for (name, p), at in state.shapes.law_values.items() if name == law.name}
-    return {
-        **law.values,
-        **{p: law.values[p] * float(np.exp(state.coefficients[at])) for p, at in own.items()},
-    }
+    values = dict(law.values)
+    for (name, parameter), at in state.shapes.law_values.items():
+        if name == law.name:
+            values[parameter] *= float(np.exp(state.coefficients[at]))
+    return values
 
 
 def block_stiffness(trial: CellTrial, state: TrialState, shared: Shared) -> float:

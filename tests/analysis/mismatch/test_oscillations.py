@@ -403,10 +403,12 @@ def test_what_nothing_stands_for_yet_takes_no_punch_off_the_skin(record: Callabl
 def test_a_contact_that_small_steps_leave_too_low_is_begun_anew(
     record: Callable[..., list[Trial]],
 ) -> None:
-    """Skin goes to and fro by more than the punch is in it: 50 um too deep, no step finds back to where it touches."""
+    """Skin goes to and fro by more than the punch is in it: 65 um too deep, no step finds back to where it touches."""
     pulse = _with_a_pulse(record, 90.0)
+    # each trial where it touches: what a last digit leads astray in one of them hides what is stuck in another
+    pulse = replace(pulse, fit=contacts_begun_anew(pulse.fit))
     first, *others = pulse.fit.states
-    away = replace(first, z0_mm=first.z0_mm + 0.05)
+    away = replace(first, z0_mm=first.z0_mm + 0.065)
     fit = replace(pulse.fit, states=(away, *others))
     for _ in range(8):
         fit = fit.following().with_states()

@@ -36,24 +36,30 @@ def _sum_of_arms(
     drive: FloatArray, index: IntArray, lengths_s: FloatArray, taus_s: FloatArray, weights: FloatArray
 ) -> FloatArray:
     arms, (rows, n) = len(taus_s), drive.shape
-    decay, gain = np.empty((len(lengths_s), arms)), np.empty((len(lengths_s), arms))
+    decay, gain = np.zeros((len(lengths_s), arms + 1)), np.zeros((len(lengths_s), arms + 1))
     for k in range(len(lengths_s)):
         for m in range(arms):
             ratio = lengths_s[k] / taus_s[m]
             decay[k, m] = np.exp(-ratio)
             gain[k, m] = -np.expm1(-ratio) / ratio * weights[m]
     out = np.zeros((rows, n))
-    h = np.empty(arms)
-    for row in range(rows):
-        h[:] = 0.0
-        for i in range(1, n):
-            k = index[i - 1]
-            moved, force = drive[row, i] - drive[row, i - 1], 0.0
-            # all arms in one pass: each waits for its own product only
-            for m in range(arms):
-                h[m] = decay[k, m] * h[m] + gain[k, m] * moved
-                force += h[m]
-            out[row, i] = force
+    # two arms in two rows stay in registers, and each waits for its own product only; of an odd number the last is
+    # done twice, or beside an arm that is none
+    for m in range(0, arms, 2):
+        other = min(m + 1, arms)
+        for row in range(0, rows, 2):
+            below = min(row + 1, rows - 1)
+            first, second, first_below, second_below = 0.0, 0.0, 0.0, 0.0
+            for i in range(1, n):
+                k = index[i - 1]
+                moved, moved_below = drive[row, i] - drive[row, i - 1], drive[below, i] - drive[below, i - 1]
+                first = decay[k, m] * first + gain[k, m] * moved
+                second = decay[k, other] * second + gain[k, other] * moved
+                first_below = decay[k, m] * first_below + gain[k, m] * moved_below
+                second_below = decay[k, other] * second_below + gain[k, other] * moved_below
+                force, force_below = out[row, i], out[below, i]
+                out[row, i] = force + first + second
+                out[below, i] = force_below + first_below + second_below
     return out
 
 

@@ -3,8 +3,23 @@
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 
 from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Values
+
+FAR = 40.0
+"""Knees from the level beyond which a rounded corner is none to any digit."""
+
+
+@njit(cache=True)
+def _over(bent_mn: FloatArray, level_mn: float, knee: float) -> FloatArray:
+    """Return knee ln(1 + exp((F - level) / knee)) (n,), sooner than `logaddexp`: most is far from it."""
+    over = np.empty_like(bent_mn)
+    for i in range(len(bent_mn)):
+        above = (bent_mn[i] - level_mn) / knee
+        corner = np.log1p(np.exp(-abs(above))) if abs(above) < FAR else 0.0
+        over[i] = knee * (max(above, 0.0) + corner)
+    return over
 
 
 class ForceSaturation(Mechanism):
@@ -40,5 +55,5 @@ class ForceSaturation(Mechanism):
         """What F loses above the level."""
         knee = p["knee"] * p["level_mn"]
         bent_mn = force_mn + p.get("with_offset", 1.0) * offset_mn
-        over = knee * np.logaddexp(0.0, (bent_mn - p["level_mn"]) / knee)
+        over = _over(bent_mn.reshape(-1), p["level_mn"], knee).reshape(bent_mn.shape)
         return np.asarray((1.0 - p["slope_above"]) * over)

@@ -10,7 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from analysis.simulation.cells import CellTrial
-from analysis.simulation.mechanism import Mechanism, Tissue, Values
+from analysis.simulation.mechanism import Mechanism, Tissue, Tissues, Values
 from analysis.simulation.response import arms_force
 
 FloatArray = NDArray[np.float64]
@@ -54,7 +54,7 @@ def _smooth_kink(rows: FloatArray, w: FloatArray) -> FloatArray:
 
 def simulate_force(
     trial: CellTrial,
-    tissue: Tissue,
+    tissue: Tissue | Tissues,
     own: PerTrial,
     added: Sequence[tuple[Mechanism, Values]] = (),
     *,
@@ -67,7 +67,7 @@ def simulate_force(
 
     ``added`` are mechanisms with their parameters. ``surface_mm`` (a movement of the skin towards the arm)
     and ``lost_share`` (of the contact's force) carry what has its own time or phase in every trial; of m rows (m, n)
-    of either the force is (m, n).
+    of either, or of m tissues side by side, the force is (m, n).
     ``rigid_stiffness`` (mN/mm) is that of a block, where it is another than the trial states.
     ``ideal_step``: the textbook simplification, in which the indentation of the hold was reached at once at
     the end of the ramp.
@@ -109,7 +109,7 @@ def _relaxed(
     old: FloatArray,
     new: FloatArray,
     trial: CellTrial,
-    tissue: Tissue,
+    tissue: Tissue | Tissues,
     added: Sequence[tuple[Mechanism, Values]],
     rigid_stiffness: float,
 ) -> FloatArray:
@@ -127,7 +127,7 @@ def _contact_force(
     trial: CellTrial,
     tip: FloatArray,
     z0: FloatArray | float,
-    tissue: Tissue,
+    tissue: Tissue | Tissues,
     added: Sequence[tuple[Mechanism, Values]],
     rigid_stiffness: float,
     ideal_step: bool,
@@ -138,9 +138,7 @@ def _contact_force(
     for m, p in added:
         depth = m.indentation_mm(trial, depth, p)
     steps = trial.onset_steps if ideal_step else trial.steps
-    free = tissue.k0 * depth + arms_force(
-        depth, steps, np.array([tissue.tau1, tissue.tau2]), np.array([tissue.k1, tissue.k2])
-    )
+    free = tissue.k0 * depth + arms_force(depth, steps, *tissue.arms)
     for m, p in added:
         free = free + m.tissue_force_mn(trial, depth, tissue, p)
     touching = np.maximum(free, 0.0)

@@ -84,9 +84,40 @@ class Tissue:
         """Stiffness at once, k0 + k1 + k2, mN/mm."""
         return self.k0 + self.k1 + self.k2
 
+    @property
+    def arms(self) -> tuple[FloatArray, FloatArray]:
+        """Times (2,) s and stiffnesses (2,) mN/mm of the arms."""
+        return np.array([self.tau1, self.tau2]), np.array([self.k1, self.k2])
+
     def stiffness_after(self, since_s: FloatArray) -> FloatArray:
         """Return what is left of the stiffness (n,) some time after a step, k0 + sum k_i exp(-t / tau_i), mN/mm."""
         return self.k0 + self.k1 * np.exp(-since_s / self.tau1) + self.k2 * np.exp(-since_s / self.tau2)
+
+
+@dataclass(frozen=True, slots=True)
+class Tissues:
+    """Several tissues side by side, each constant (m, 1): a force is (m, n) of them, and costs less than one by one."""
+
+    k0: FloatArray
+    k1: FloatArray
+    tau1: FloatArray
+    k2: FloatArray
+    tau2: FloatArray
+
+    @classmethod
+    def at(cls, logarithms: FloatArray) -> Tissues:
+        """Return the tissues with logarithms (m, 5) of their constants."""
+        return cls(*np.exp(logarithms).T[:, :, None])
+
+    @property
+    def stiffness(self) -> FloatArray:
+        """Stiffness at once (m, 1), mN/mm."""
+        return self.k0 + self.k1 + self.k2
+
+    @property
+    def arms(self) -> tuple[FloatArray, FloatArray]:
+        """Times (m, 2) s and stiffnesses (m, 2) mN/mm of the arms."""
+        return np.hstack([self.tau1, self.tau2]), np.hstack([self.k1, self.k2])
 
 
 class Mechanism:
@@ -129,7 +160,7 @@ class Mechanism:
         """Whether the law is what its source says of it, in a study of this largest depth."""
         return True
 
-    def surface_mm(self, trial: CellTrial, tissue: Tissue, p: Values) -> FloatArray | float:
+    def surface_mm(self, trial: CellTrial, tissue: Tissue | Tissues, p: Values) -> FloatArray | float:
         """How far the surface has moved towards the arm, (n,), mm."""
         return 0.0
 
@@ -142,7 +173,7 @@ class Mechanism:
         return depth_mm
 
     def tissue_force_mn(
-        self, trial: CellTrial, depth_mm: FloatArray, tissue: Tissue, p: Values
+        self, trial: CellTrial, depth_mm: FloatArray, tissue: Tissue | Tissues, p: Values
     ) -> FloatArray | float:
         """Force that the tissue adds, before contact is judged."""
         return 0.0

@@ -35,13 +35,16 @@ class Steps:
 def _sum_of_arms(
     drive: FloatArray, index: IntArray, lengths_s: FloatArray, taus_s: FloatArray, weights: FloatArray
 ) -> FloatArray:
-    arms, (rows, n) = len(taus_s), drive.shape
-    decay, gain = np.zeros((len(lengths_s), arms + 1)), np.zeros((len(lengths_s), arms + 1))
-    for k in range(len(lengths_s)):
-        for m in range(arms):
-            ratio = lengths_s[k] / taus_s[m]
-            decay[k, m] = np.exp(-ratio)
-            gain[k, m] = -np.expm1(-ratio) / ratio * weights[m]
+    (bodies, arms), (driven, n) = taus_s.shape, drive.shape
+    decay = np.zeros((bodies, len(lengths_s), arms + 1))
+    gain = np.zeros_like(decay)
+    for body in range(bodies):
+        for k in range(len(lengths_s)):
+            for m in range(arms):
+                ratio = lengths_s[k] / taus_s[body, m]
+                decay[body, k, m] = np.exp(-ratio)
+                gain[body, k, m] = -np.expm1(-ratio) / ratio * weights[body, m]
+    rows = bodies if driven == 1 else driven
     out = np.zeros((rows, n))
     # two arms in two rows stay in registers, and each waits for its own product only; of an odd number the last is
     # done twice, or beside an arm that is none
@@ -49,14 +52,18 @@ def _sum_of_arms(
         other = min(m + 1, arms)
         for row in range(0, rows, 2):
             below = min(row + 1, rows - 1)
+            above_drive, below_drive = drive[min(row, driven - 1)], drive[min(below, driven - 1)]
+            above_body, below_body = min(row, bodies - 1), min(below, bodies - 1)
+            decay_above, gain_above = decay[above_body], gain[above_body]
+            decay_below, gain_below = decay[below_body], gain[below_body]
             first, second, first_below, second_below = 0.0, 0.0, 0.0, 0.0
             for i in range(1, n):
                 k = index[i - 1]
-                moved, moved_below = drive[row, i] - drive[row, i - 1], drive[below, i] - drive[below, i - 1]
-                first = decay[k, m] * first + gain[k, m] * moved
-                second = decay[k, other] * second + gain[k, other] * moved
-                first_below = decay[k, m] * first_below + gain[k, m] * moved_below
-                second_below = decay[k, other] * second_below + gain[k, other] * moved_below
+                moved, moved_below = above_drive[i] - above_drive[i - 1], below_drive[i] - below_drive[i - 1]
+                first = decay_above[k, m] * first + gain_above[k, m] * moved
+                second = decay_above[k, other] * second + gain_above[k, other] * moved
+                first_below = decay_below[k, m] * first_below + gain_below[k, m] * moved_below
+                second_below = decay_below[k, other] * second_below + gain_below[k, other] * moved_below
                 force, force_below = out[row, i], out[below, i]
                 out[row, i] = force + first + second
                 out[below, i] = force_below + first_below + second_below
@@ -66,11 +73,17 @@ def _sum_of_arms(
 def arms_force(drive: FloatArray, steps: Steps, taus_s: FloatArray, weights: FloatArray) -> FloatArray:
     """Return the summed force of Maxwell arms with times (m,) s and stiffnesses (m,), driven by rows (..., n).
 
-    h' = d' - h / tau for each; an arm starts with ``drive[..., 0]`` relaxed away.
+    h' = d' - h / tau for each; an arm starts with ``drive[..., 0]`` relaxed away. Of several bodies side by side, times
+    and stiffnesses (b, m), one drive (n,) moves all, or each row of (b, n) one.
     """
-    rows = np.ascontiguousarray(drive if drive.ndim == 2 else np.atleast_2d(drive), dtype=np.float64)
-    found = _sum_of_arms(rows, steps.index, steps.lengths_s, taus_s, weights)
-    return np.asarray(found.reshape(np.shape(drive)))
+    found = _sum_of_arms(
+        np.ascontiguousarray(np.atleast_2d(drive), dtype=np.float64),
+        steps.index,
+        steps.lengths_s,
+        np.atleast_2d(taus_s),
+        np.atleast_2d(weights),
+    )
+    return found if taus_s.ndim == 2 else np.asarray(found.reshape(np.shape(drive)))
 
 
 def arm_force(drive: FloatArray, steps: Steps, tau_s: float) -> FloatArray:

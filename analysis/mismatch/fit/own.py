@@ -12,6 +12,7 @@ from analysis.mismatch.fit.whitener import Whitener
 from analysis.mismatch.model.effects import TISSUE_SIZE, Shared, TrialState, own_effects, simulate
 from analysis.mismatch.model.population import Population
 from analysis.simulation.cells import CellTrial
+from analysis.simulation.mechanism import Tissues
 
 FloatArray = NDArray[np.float64]
 
@@ -107,11 +108,8 @@ def force_columns(trial: CellTrial, state: TrialState, shared: Shared) -> ForceC
         columns.append((simulate(trial, replace(state, z0_mm=state.z0_mm + step), shared, own) - base) / step)
     first = len(columns) - 1
     if state.has_tissue:
-        for k in range(TISSUE_SIZE):
-            log_tissue = state.log_tissue.copy()
-            log_tissue[k] += STEP_LOG
-            elsewhere = replace(state, log_tissue=log_tissue)
-            columns.append((simulate(trial, elsewhere, shared, own) - base) / STEP_LOG)
+        elsewhere = Tissues.at(state.log_tissue + STEP_LOG * np.eye(TISSUE_SIZE))
+        columns.extend((simulate(trial, state, shared, own, elsewhere) - base) / STEP_LOG)
     last = len(columns) - 1
     found = np.empty((len(base), len(columns) + len(state.shapes)))
     found[:, : len(columns)] = np.column_stack(columns)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from analysis.mismatch.model.rhythm import Rhythm
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.forward import RIGID_STIFFNESS_MN_PER_MM, PerTrial, simulate_force
-from analysis.simulation.mechanism import Mechanism, Parameter, Tissue, Values
+from analysis.simulation.mechanism import Mechanism, Parameter, Tissue, Tissues, Values
 from analysis.simulation.response import low_pass
 
 FloatArray = NDArray[np.float64]
@@ -247,16 +247,20 @@ def own_effects(state: TrialState) -> dict[Acts, FloatArray]:
 
 
 def simulate(
-    trial: CellTrial, state: TrialState, shared: Shared, own: Mapping[Acts, FloatArray] | None = None
+    trial: CellTrial,
+    state: TrialState,
+    shared: Shared,
+    own: Mapping[Acts, FloatArray] | None = None,
+    tissue: Tissue | Tissues | None = None,
 ) -> FloatArray:
     """Return the force (n,) of a trial, mN; ``own`` is what its own shapes come to, where that is known.
 
-    Of m rows (m, n) at one stage or several the force is (m, n).
+    Of m rows (m, n) at one stage or several, or of m tissues in place of the trial's, the force is (m, n).
     """
     added = own_effects(state) if own is None else own
     simulated = simulate_force(
         trial,
-        state.tissue,
+        tissue or state.tissue,
         PerTrial(state.z0_mm, state.offset_mn),
         [(a.mechanism, values_here(a, state)) for a in shared.laws],
         rigid_stiffness=block_stiffness(trial, state, shared),

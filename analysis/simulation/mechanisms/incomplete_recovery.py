@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from analysis.simulation.cells import CellTrial
-from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Tissue, Values
+from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Tissue, Tissues, Values
 
 NO_REACH_MM = 1e-12
 _TEXTBOOK = {"dimple": 0.0, "reach": 2e-3}
@@ -47,12 +47,12 @@ class IncompleteRecovery(Mechanism):
         """Only skin remembers."""
         return trial.kind == "ramp_hold_retract"
 
-    def surface_mm(self, trial: CellTrial, tissue: Tissue, p: Values) -> FloatArray | float:
+    def surface_mm(self, trial: CellTrial, tissue: Tissue | Tissues, p: Values) -> FloatArray | float:
         """How far the dimple lies below the surface, negative."""
         return -p.get("dimple", 0.0) * self._left_mm(trial, p)
 
     def tissue_force_mn(
-        self, trial: CellTrial, depth_mm: FloatArray, tissue: Tissue, p: Values
+        self, trial: CellTrial, depth_mm: FloatArray, tissue: Tissue | Tissues, p: Values
     ) -> FloatArray | float:
         """What the slow arm takes from the force."""
         reach_mm = max(p.get("reach", 0.0) * trial.study_depth_mm, NO_REACH_MM)

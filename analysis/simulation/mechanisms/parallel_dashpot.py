@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from analysis.simulation.cells import CellTrial
-from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Tissue, Values
+from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Tissue, Tissues, Values
 from analysis.simulation.response import low_pass
 
 _TEXTBOOK = {"settle_ms": 0.05, "with_depth": 0.0}
@@ -38,7 +38,7 @@ class ParallelDashpot(Mechanism):
     separated_by = "rigid_target"
 
     def tissue_force_mn(
-        self, trial: CellTrial, depth_mm: FloatArray, tissue: Tissue, p: Values
+        self, trial: CellTrial, depth_mm: FloatArray, tissue: Tissue | Tissues, p: Values
     ) -> FloatArray:
         """c dd/dt, averaged over each cell: it moves by 2w, and of a share s of it in contact d = s^2 w."""
         inside = np.minimum(np.sqrt(depth_mm / trial.half_travel_mm), 1.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from analysis.simulation.cells import CellTrial
-from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Tissue, Values
+from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Tissue, Tissues, Values
 from analysis.simulation.response import arm_force, arms_force
 
 RATES = np.geomspace(0.02, 2e3, 14)
@@ -37,7 +37,7 @@ class PoroelasticDrainage(Mechanism):
     inseparable = ("third_relaxation",)
 
     def tissue_force_mn(
-        self, trial: CellTrial, depth_mm: FloatArray, tissue: Tissue, p: Values
+        self, trial: CellTrial, depth_mm: FloatArray, tissue: Tissue | Tissues, p: Values
     ) -> FloatArray:
         """Force of the draining fluid."""
         T = p["time_constant_s"]

@@ -7,7 +7,7 @@ from math import gamma
 import numpy as np
 
 from analysis.simulation.cells import CellTrial
-from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Tissue, Values
+from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Tissue, Tissues, Values
 from analysis.simulation.response import arms_force
 
 TAUS_S = np.geomspace(5e-5, 1e4, 18)
@@ -42,7 +42,7 @@ class PowerLawRelaxation(Mechanism):
     separated_by = "a longer hold"
 
     def tissue_force_mn(
-        self, trial: CellTrial, depth_mm: FloatArray, tissue: Tissue, p: Values
+        self, trial: CellTrial, depth_mm: FloatArray, tissue: Tissue | Tissues, p: Values
     ) -> FloatArray:
         """Force of the spring-pot."""
         a = p["exponent"]

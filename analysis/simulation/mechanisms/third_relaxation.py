@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from analysis.simulation.cells import CellTrial
-from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Tissue, Values
+from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Tissue, Tissues, Values
 from analysis.simulation.response import arm_force
 
 
@@ -38,7 +38,7 @@ class ThirdRelaxation(Mechanism):
         return Tissue(tissue.k0, k1, tau1, k2, tau2), {"ratio_to_k0": k / tissue.k0, "time_constant_s": tau}
 
     def tissue_force_mn(
-        self, trial: CellTrial, depth_mm: FloatArray, tissue: Tissue, p: Values
+        self, trial: CellTrial, depth_mm: FloatArray, tissue: Tissue | Tissues, p: Values
     ) -> FloatArray:
         """Force of the third arm."""
         return p["ratio_to_k0"] * tissue.k0 * arm_force(depth_mm, trial.steps, p["time_constant_s"])

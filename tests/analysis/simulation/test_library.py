@@ -9,7 +9,7 @@ import pytest
 
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.forward import PerTrial, simulate_force
-from analysis.simulation.mechanism import Mechanism, Tissue, library
+from analysis.simulation.mechanism import Mechanism, Tissue, Tissues, library
 from analysis.simulation.motion import estimate_motion
 from analysis.simulation.reduction import reduce_trial
 
@@ -83,6 +83,22 @@ def test_rows_are_simulated_as_one_by_one(mechanism: Mechanism, trial: CellTrial
             np.testing.assert_allclose(row, alone, rtol=1e-12, atol=1e-12 * size)
     for alone in ({"surface_mm": surface_mm}, {"lost_share": lost}):
         assert simulate_force(trial, TISSUE, own, added, **alone).shape == surface_mm.shape
+
+
+@pytest.mark.parametrize(
+    "mechanism", [m for m in library().values() if m.form == "law"], ids=lambda m: m.name
+)
+def test_tissues_are_simulated_as_one_by_one(mechanism: Mechanism, trial: CellTrial) -> None:
+    own = PerTrial(trial.z0_start_mm, trial.offset_start_mn)
+    logarithms = TISSUE.logarithms + 0.2 * np.random.default_rng(5).standard_normal((3, 5))
+    size = float(np.ptp(simulate_force(trial, TISSUE, own)))
+    for values in mechanism.probe_settings(size, trial.depth_mm):
+        added = [(mechanism, {**mechanism.null, **mechanism.typical, **values})]
+        rows = simulate_force(trial, Tissues.at(logarithms), own, added)
+        assert np.ptp(rows, axis=0).max() > 0.01 * size
+        for row, of_it in zip(rows, logarithms, strict=True):
+            alone = simulate_force(trial, Tissue(*np.exp(of_it)), own, added)
+            np.testing.assert_allclose(row, alone, rtol=1e-12, atol=1e-12 * size)
 
 
 @pytest.mark.parametrize("offset_mn", [-7.0, 4.0])

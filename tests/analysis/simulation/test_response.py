@@ -61,12 +61,19 @@ def test_low_pass_solves_its_equation() -> None:
     np.testing.assert_allclose(low_pass(force, Steps.between(time_s), 0.004), solved.y[0], atol=2e-6)
 
 
-def test_many_rows_are_answered_independently() -> None:
-    time_s, drive = _axis(3)
-    rows = np.stack([drive, 2 * drive, -drive])
-    steps = Steps.between(time_s)
-    one = arm_force(drive, steps, 0.3)
-    np.testing.assert_allclose(arm_force(rows, steps, 0.3), np.stack([one, 2 * one, -one]), atol=1e-12)
+@given(st.integers(0, 10_000), st.integers(0, 5), st.integers(1, 5))
+@settings(max_examples=30, deadline=None)
+def test_many_rows_are_answered_independently(seed: int, rows: int, arms: int) -> None:
+    time_s, drive = _axis(seed)
+    steps, rng = Steps.between(time_s), np.random.default_rng(seed)
+    drives = np.multiply.outer(np.linspace(-1.0, 2.0, rows), drive)
+    taus_s, weights = np.geomspace(0.01, 3.0, arms), rng.random(arms)
+    together = arms_force(drives, steps, taus_s, weights)
+    assert together.shape == drives.shape
+    for row, alone in zip(together, drives, strict=True):
+        np.testing.assert_allclose(row, arms_force(alone, steps, taus_s, weights), atol=1e-12)
+        one_by_one = sum(w * arm_force(alone, steps, tau_s) for tau_s, w in zip(taus_s, weights, strict=True))
+        np.testing.assert_allclose(row, one_by_one, atol=1e-11)
 
 
 @pytest.mark.parametrize("tau_s", [1e-7, 1e7])

@@ -81,7 +81,7 @@ def inexact_names(fit: StudyFit) -> tuple[str, ...]:
 
 
 def inexact_effects(fit: StudyFit, j: int, names: Sequence[str]) -> list[FloatArray]:
-    """Return what each of some of `inexact_names` changes in the j-th trial's force, (n,) mN each."""
+    """Return what each of some of `inexact_names`, or of rhythms, changes in the j-th trial's force, (n,) mN each."""
     of_laws = dict(zip([law.name for law in fit.shared.laws], law_effects(fit, j), strict=True))
     found = [effect for name, effect in of_laws.items() if name in names]
     own = [name for name in names if name not in of_laws]
@@ -92,7 +92,9 @@ def inexact_effects(fit: StudyFit, j: int, names: Sequence[str]) -> list[FloatAr
     for name in own:
         without = state.without(name)
         same = without is state
-        found.append(np.zeros_like(whole) if same else whole - simulate(trial, without, fit.shared))
+        effect = np.zeros_like(whole) if same else whole - simulate(trial, without, fit.shared)
+        # the line of a rhythm is no part of a simulation
+        found.append(effect + sum(r.passed_mn for r in state.rhythms if r.effect == name))
     return found
 
 

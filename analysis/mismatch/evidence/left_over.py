@@ -1,30 +1,48 @@
-"""What effects leave by being off, and whether another is more than that."""
+"""What effects leave by being off, where they act, and what of another's gain may be that."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analysis.mismatch.evidence.account import Account
+from analysis.mismatch.evidence.inexactness import inexact_effects
 from analysis.mismatch.evidence.shares import even_shares
-from analysis.mismatch.fit.law_fit import fit_laws
-from analysis.mismatch.fit.study_fit import StudyFit
-from analysis.mismatch.levels import (
-    ENOUGH_SHARED,
-    FEWEST_HELD_OUT,
-    INEXACT,
-    KEPT,
-    ROUGH,
-    SMALL_SHARE,
-    UNFORESEEN,
-)
-from analysis.simulation.mechanism import library
+from analysis.mismatch.fit.study_fit import Held
+from analysis.mismatch.levels import FEWEST_HELD_OUT, INEXACT, ROUGH, SURE, UNFORESEEN
+from analysis.recordings.trial import PHASE_NAMES
+
+FloatArray = NDArray[np.float64]
+
+TINY = 1e-300
 
 
-def left_over(account: Account, explained: float, adds: Mapping[str, float]) -> tuple[float, float]:
-    """Return the nats that an account's effects, which explain so many, leave by being inexact: to laws, and to others.
+@dataclass(frozen=True)
+class LeftOver:
+    """Nats (P,) that an account's effects leave in every phase by being inexact: to a law, and to what comes anew."""
+
+    to_laws: FloatArray
+    to_others: FloatArray
+
+    def of(self, account: Account, before: Account, *, anew: bool) -> tuple[float, float]:
+        """Return how many of the nats by which an account leaves less than the one before may be what was left there
+        by being inexact, and how many are beyond that.
+
+        What is left in a phase is exponential about what is expected (H0), and once in twenty `SURE` times as much.
+        """
+        left = self.to_others if anew else self.to_laws
+        if not left.any():
+            return 0.0, np.inf
+        gained = gained_where(account, before)
+        may_be = float(np.minimum(np.maximum(gained, 0.0), SURE * left).sum())
+        return may_be, float(gained.sum()) - may_be
+
+
+def left_over(account: Account, explained: float, adds: Mapping[str, float]) -> LeftOver:
+    """Return what an account's effects, which explain so many nats, leave by being inexact.
 
     Of few trials none can say how. Effects that are off by a third in what was foreseen are so in what was not. The
     band of a rhythm has no shapes for what it may do besides. It leaves something else in each of n trials: a law, the
@@ -32,94 +50,60 @@ def left_over(account: Account, explained: float, adds: Mapping[str, float]) -> 
     """
     n = len(account.fit.trials)
     if n < FEWEST_HELD_OUT:
-        return ROUGH**2 * explained, ROUGH**2 * explained
-    rhythms = {r.effect for s in account.fit.states for r in s.rhythms}
+        left = ROUGH**2 * explained * shares_of_all(acting(account, account.names))
+        return LeftOver(left, left)
+    rhythms = tuple({r.effect: None for s in account.fit.states for r in s.rhythms})
     own = min(sum(adds.get(name, explained) for name in rhythms), explained)
-    others = (UNFORESEEN * share_off(account)) ** 2 * (explained - own)
-    return others + INEXACT**2 * own / n, others + INEXACT**2 * own
+    # what explains nothing, or has no shapes to be off in, is off by a tenth
+    off, names = account.as_off, account.may_be_off
+    shares = off.inexact.of(names) if off.inexact else even_shares(names, INEXACT).of(names)
+    whole = float(acting(account, names).sum())
+    unforeseen = acting(account, names, UNFORESEEN * shares).sum(axis=0) / max(whole, TINY)
+    others = (explained - own) * unforeseen
+    of_rhythms = INEXACT**2 * own * shares_of_all(acting(account, rhythms))
+    return LeftOver(others + of_rhythms / n, others + of_rhythms)
 
 
-def share_off(account: Account) -> float:
-    """Return the share (rms over what they explain) by which an account's effects are likely to be off.
+def shares_of_all(acts: FloatArray) -> FloatArray:
+    """Return what part of all that effects (E, P) explain lies in every phase (P,)."""
+    return np.asarray(acts.sum(axis=0) / max(float(acts.sum()), TINY))
 
-    Of what explains nothing, or has no shapes to be off in, it is a tenth.
+
+def acting(account: Account, names: Sequence[str], shares: FloatArray | None = None) -> FloatArray:
+    """Return the chi2 (E, P) that some of an account's effects, or ``shares`` (E, P) of them, show in every phase.
+
+    It is what tissue, contact and offset of each trial can't take up, wherever that is left: half of what would bend a
+    ramp is seen in the hold.
     """
-    off = account.as_off
-    if not off.inexact or not np.any(off.explained_by_phase):
-        return INEXACT
-    return float(np.sqrt(np.average(off.inexact.of(off.may_be_off) ** 2, weights=off.explained_by_phase)))
+    fit = account.exact.fit
+    found = np.zeros((len(names), len(PHASE_NAMES)))
+    if not names:
+        return found
+    whiteners = tuple(w.with_rhythms(()) for w in fit.whiteners)
+    states = tuple(replace(s.with_only([]), rhythms=()) for s in fit.states)
+    bare = replace(fit, whiteners=whiteners, states=states, held=Held())
+    for j, (trial, projector) in enumerate(zip(fit.trials, bare.projectors, strict=True)):
+        effects = np.column_stack(inexact_effects(fit, j, names))
+        left = projector(effects if shares is None else effects * shares.T[trial.phase]) ** 2
+        for code in range(len(PHASE_NAMES)):
+            found[:, code] += left[trial.phase[trial.fitted] == code].sum(axis=0)
+    return found
 
 
-def off_by_a_third(account: Account, name: str) -> bool:
-    """Return whether an effect is off by a third or more where it explains most: by so much another law is."""
-    off = account.as_off
-    if name not in off.may_be_off or not off.inexact:
-        return False
-    most = int(np.argmax(off.explained_by_phase[off.may_be_off.index(name)]))
-    return bool(np.isclose(off.inexact.of([name])[0, most], ROUGH))
+def gained_where(account: Account, before: Account) -> FloatArray:
+    """Return the nats (P,) by which an account leaves less than the one before in every phase, its laws as exact.
 
-
-def explains_itself(account: Account, before: Account, gain: float, asked: float) -> bool:
-    """Return whether what an account gains over the one before is not just what laws may be off by.
-
-    Those before it are granted to be as much off without it as with it. The first is to be nearly right itself. Others
-    may be off, too, or be exact: what is granted to a weak one costs more than it brings.
+    Both are weighed by one noise, and what each trial's own parameters can take up is left out.
     """
-    if not before.may_be_off or len(account.fit.trials) < FEWEST_HELD_OUT:
-        return gain - max(account.granted - before.granted, 0.0) >= KEPT * gain
-    tenth = even_shares(account.may_be_off, INEXACT)
-    shares = account.rough.inexact.or_larger(before.rough.inexact)
-    added = frozenset(account.may_be_off) - frozenset(before.may_be_off)
-    shares = shares.no_more_than(tenth, added)
-    without = before.rough.inexact_to(shares)
-    if account.rough.inexact_to(shares).gain_over(without)[0] >= asked:
-        return True
-    exact = replace(account.rough, taken_as_exact=added)
-    return bool(added) and exact.inexact_to(shares).gain_over(without)[0] >= asked
-
-
-def frees(account: Account, before: Account) -> bool:
-    """Return whether laws that were granted to be off are exact with what was added: they were off for want of it.
-
-    What laws leave by being off themselves no other takes up to the last: it would have to be all that they leave.
-    """
-    return before.granted > 0.0 and account.granted <= SMALL_SHARE * before.granted
-
-
-def mends(account: Account, before: Account, nothing: Account, gain: float) -> bool:
-    """Return whether an effect makes laws less off that would have to be off by more than what is named may be.
-
-    Beside an effect that leaves them as they are nothing would be named, unless it gains more than they are off by.
-    """
-    if before.granted <= max(SMALL_SHARE * before.gain_over(nothing)[0], gain):
-        return True
-    return account.granted <= before.granted - ENOUGH_SHARED
-
-
-def brings_itself(account: Account, name: str) -> bool:
-    """Return whether an effect gains what it does as the textbook has it: half without what it may do besides.
-
-    A drop of a fifth of a millinewton and much that goes on after it is no slip, and what rings long after an arm is
-    struck is no arm's mass. What has no name has no textbook either.
-    """
-    exact = account.exact
-    textbook = as_textbook(exact.fit, name)
-    if textbook is exact.fit or name not in library():
-        return True
-    nothing, itself, whole = (fit_laws(fit).cost for fit in (exact.stripped(name).fit, textbook, exact.fit))
-    return nothing - itself >= KEPT * (nothing - whole)
-
-
-def as_textbook(fit: StudyFit, name: str) -> StudyFit:
-    """Return the fit without what one of its effects may do besides its textbook's form; itself where it does nothing.
-
-    What differs from site to site is the skin's, in the textbook too.
-    """
-    laws = tuple(law.textbook if law.name == name else law for law in fit.shared.laws)
-    states = tuple(
-        s.with_only([k for k, x in enumerate(s.shapes) if x.effect != name or not x.kind or x.is_number])
-        for s in fit.states
+    noise = account.fit.noise
+    after, before = (
+        a if a.fit.noise == noise and not a.inexact else a.exact.at_noise(noise) for a in (account, before)
     )
-    if laws == fit.shared.laws and all(new is old for new, old in zip(states, fit.states, strict=True)):
-        return fit
-    return replace(fit, shared=replace(fit.shared, laws=laws), states=states)
+    left = []
+    for each in (before, after):
+        squares = [
+            np.bincount(t.phase[t.fitted], p.residual**2, len(PHASE_NAMES))
+            for t, p in zip(each.fit.trials, each.fit.projectors, strict=True)
+        ]
+        left.append(np.sum(squares, axis=0))
+    return np.asarray(0.5 * (left[0] - left[1]))

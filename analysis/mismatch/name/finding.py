@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.mismatch.evidence.account import Account
-from analysis.mismatch.evidence.left_over import off_by_a_third
+from analysis.mismatch.evidence.itself import off_by_a_third
 from analysis.mismatch.fit.law_fit import at_bound
 from analysis.mismatch.levels import INEXACT, TEMPER, TWO_ERRORS, WORTH_NAMING
 from analysis.mismatch.name.law_sizes import law_sizes, loosened

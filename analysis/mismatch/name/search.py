@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 from analysis.mismatch.evidence.account import Account
-from analysis.mismatch.evidence.left_over import brings_itself, explains_itself, frees, left_over, mends
+from analysis.mismatch.evidence.itself import brings_itself, explains_itself, frees, mends
+from analysis.mismatch.evidence.left_over import LeftOver, left_over
 from analysis.mismatch.fit.arms import weakest_apart
 from analysis.mismatch.fit.settled import settled_columns
 from analysis.mismatch.levels import (
@@ -93,8 +94,8 @@ def explained_beside(account: Account, name: str, nothing: Account) -> bool:
     if name not in account.names:
         return False
     without = account.without(name).reweighed()
-    to_laws, to_others = left_over(without, without.gain_over(nothing)[0], {})
-    enough, left = (ENOUGH_OWN, to_others) if name in account.steps else (ENOUGH_SHARED, to_laws)
+    left = left_over(without, without.gain_over(nothing)[0], {})
+    enough = ENOUGH_OWN if name in account.steps else ENOUGH_SHARED
     return any(r.itself for r in as_rival(name, account, without, nothing, enough, left))
 
 
@@ -176,9 +177,7 @@ def ranked(found: Sequence[Rival], account: Account) -> tuple[Rival, ...]:
 def weighed(
     account: Account, nothing: Account, adds: Mapping[str, float], among: Collection[str] | None = None
 ) -> list[Rival]:
-    """Return the effects that have enough evidence to be added, refitted.
-
-    Where names are given, only the laws ``among`` them are considered.
+    """Return the effects that have enough evidence to be added, refitted; of laws only those ``among`` given names.
 
     ``nothing`` is the account without effects, ``adds`` what each present effect explains, where that is known. What
     the present laws leave by being off names no other: an effect must gain as much where they are granted to be off,
@@ -202,13 +201,12 @@ def weighed(
             continue
         refitted = refitted.granting()
         if not is_nothing(refitted, name):
-            to_it = left[1] if name in refitted.steps else left[0]
-            found += as_rival(name, refitted, account, nothing, options[0].enough, to_it)
+            found += as_rival(name, refitted, account, nothing, options[0].enough, left)
     return found
 
 
 def as_rival(
-    name: str, refitted: Account, account: Account, nothing: Account, enough: float, left: float
+    name: str, refitted: Account, account: Account, nothing: Account, enough: float, left: LeftOver
 ) -> list[Rival]:
     """Return what was added to an account and refitted as a rival, if it gains enough, and by itself; else none."""
     anew = name in refitted.steps
@@ -222,7 +220,7 @@ def as_rival(
     before = account.exact.weighed_anew() if freed else account
     gain, error = refitted.gain_over(before)
     # a gain below its error is one trial's, at the cost of others
-    asked = max(enough, error, SURE * left)
+    asked = max(enough, error)
     if gain >= asked:
         gain, error = refitted.gain_by_itself(before)
     if gain >= asked and any(s.rhythms for s in account.fit.states):
@@ -230,25 +228,27 @@ def as_rival(
         without = refitted.without(name).reweighed()
         if without.nats > account.nats:
             gain, error = refitted.gain_over(without)
-    if (
-        gain < asked
-        or not mends(refitted, account, nothing, gain)
-        or (anew and stands_for_shape(account, gain))
-    ):
+    if gain < asked or not mends(refitted, account, nothing, gain):
+        return []
+    may_be_left, beyond = left.of(refitted, account, anew=anew)
+    if beyond < enough or (anew and stands_for_shape(refitted, account, gain)):
         return []
     told = all(size_is_told(refitted, law) for law in refitted.fit.shared.laws if law.name == name)
     if not told or not brings_itself(refitted, name):
         return []
-    itself = freed or explains_itself(refitted, account, gain, asked)
-    return [Rival(name, gain, error, refitted.let_go(), left, refitted.granted_share(nothing), itself)]
+    itself, off = freed or explains_itself(refitted, account, gain, asked), refitted.granted_share(nothing)
+    return [Rival(name, gain, error, refitted.let_go(), may_be_left / SURE, off, itself)]
 
 
-def stands_for_shape(without: Account, gain: float) -> bool:
+def stands_for_shape(account: Account, without: Account, gain: float) -> bool:
     """Return whether too little of what comes in each trial anew is its own: a shape that all share gains the rest.
 
-    A rhythm is in every trial at another of its moments, a step at another time: they leave nothing in common.
+    A rhythm is in every trial at another of its moments, a step at another time: they leave nothing in common. What
+    they don't take of a shape is another effect's.
     """
-    return gain - shape_left(without).gain < KEPT * gain
+    least = (1.0 - KEPT) * gain
+    left = shape_left(without).gain
+    return left > least and left - max(shape_left(account).gain, 0.0) > least
 
 
 def is_nothing(account: Account, name: str) -> bool:
@@ -294,6 +294,6 @@ def pruned(account: Account, newest: Rival, nothing: Account) -> tuple[Account, 
             account = begun_again(account, name, nothing)
         adds[name] = account.gain_over(without)[0]
         needless = adds[name] < enough or is_nothing(account, name)
-        if needless or (anew and stands_for_shape(without, adds[name])):
+        if needless or (anew and stands_for_shape(account, without, adds[name])):
             account, adds = without, {}
     return account, adds

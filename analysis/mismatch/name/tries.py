@@ -6,6 +6,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 
 from analysis.mismatch.evidence.account import Account
+from analysis.mismatch.evidence.left_over import LeftOver
 from analysis.mismatch.fit.settled import settled_columns
 from analysis.mismatch.levels import CLOSE, FEWEST_HELD_OUT, REFITTED, SURE
 from analysis.mismatch.model.dictionary import templates
@@ -24,9 +25,7 @@ class Tries:
     taken_up: frozenset[str] = frozenset()
 
 
-def worth_trying(
-    account: Account, nothing: Account, left: tuple[float, float], among: Collection[str] | None
-) -> Tries:
+def worth_trying(account: Account, nothing: Account, left: LeftOver, among: Collection[str] | None) -> Tries:
     """Return the effects worth a refit beside the noise and without its slow part: law by law, and what comes anew.
 
     What was taken for slow noise is found where none is granted, most of all what comes in each trial anew. There slow
@@ -48,14 +47,14 @@ def worth_trying(
     if quick is not account:
         listed.append(law_options(quick, nothing, wanted, settled))
     few = len(account.fit.trials) < FEWEST_HELD_OUT
-    worth = [promising(some, CLOSE * SURE * left[0], few) for some in listed]
+    worth = [promising(some, CLOSE * SURE * left.to_laws.sum(), few) for some in listed]
     lead: list[Option] = []
     if account.inexact:
         # what is missing may be what the laws are granted to be off for
         exact = account.exact
         settled = settled_columns(exact.fit, wanted)
         listed.append(law_options(exact, nothing, wanted, settled, beside_exact=True))
-        lead = promising(listed[-1], CLOSE * SURE * left[0], few)[:1]
+        lead = promising(listed[-1], CLOSE * SURE * left.to_laws.sum(), few)[:1]
         worth.append(lead)
     # columns of all trials fill memory
     del settled
@@ -66,7 +65,9 @@ def worth_trying(
     if among is None:
         anew = own_options(quick)
         beside = anew if quick is account else own_options(account)
-        likely, likely_beside = (promising(some, CLOSE * SURE * left[1], few) for some in (anew, beside))
+        likely, likely_beside = (
+            promising(some, CLOSE * SURE * left.to_others.sum(), few) for some in (anew, beside)
+        )
         says_most = {o.name for o in (*likely, *likely_beside)}
         found = {o.name: o for o in (*beside, *anew)}
         listed.append(list(found.values()))

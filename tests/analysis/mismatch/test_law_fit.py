@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.optimize import Bounds, minimize
 
 from analysis.mismatch.evidence.account import Account
-from analysis.mismatch.evidence.left_over import brings_itself
+from analysis.mismatch.evidence.itself import brings_itself
 from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.fit.law_fit import (
     LARGEST_TISSUE_STEP,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import cast
@@ -11,13 +11,15 @@ import numpy as np
 import pytest
 
 from analysis.mismatch.evidence import account as evidence_account
+from analysis.mismatch.evidence import left_over
 from analysis.mismatch.evidence.account import Account
-from analysis.mismatch.evidence.left_over import explains_itself, frees, left_over, mends
+from analysis.mismatch.evidence.itself import explains_itself, frees, mends
+from analysis.mismatch.evidence.left_over import LeftOver
 from analysis.mismatch.evidence.shares import Shares, even_shares
 from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.fit.noise import NoiseModel
 from analysis.mismatch.fit.study_fit import StudyFit
-from analysis.mismatch.levels import ENOUGH_OWN, ENOUGH_SHARED, INEXACT, ROUGH, UNFORESEEN
+from analysis.mismatch.levels import ENOUGH_OWN, ENOUGH_SHARED, INEXACT, ROUGH, SURE, UNFORESEEN
 from analysis.mismatch.model.effects import TISSUE_SIZE, Law, Shared
 from analysis.mismatch.model.population import Population
 from analysis.mismatch.name import search, tries
@@ -36,6 +38,8 @@ from analysis.recordings.trial import PHASE_NAMES, Trial
 from analysis.simulation.mechanism import library
 from sim_hardware.concealment.offline import study_plans
 
+NOTHING_LEFT = LeftOver(np.zeros(1), np.zeros(1))
+MUCH_LEFT = LeftOver(np.full(2, 10.0), np.full(2, 10.0))
 WANDERING = "[noise]\nforce_mn_rms = 0.2\nwander_mn_rms = 0.6\nwander_time_s = 1.0\n"
 
 
@@ -248,7 +252,7 @@ def test_what_the_noise_leaves_no_sign_of_is_not_tried(
     """Noise that wanders looks like a rhythm where none is granted; a breath shows beside such noise, too."""
 
     def tried(account: Account) -> set[str]:
-        return set(worth_trying(account, account, (0.0, 0.0), None).options)
+        return set(worth_trying(account, account, NOTHING_LEFT, None).options)
 
     seen = own_options(wandering.quick())[-1]
     assert seen.name not in {event.name for event in EVENTS}
@@ -271,7 +275,7 @@ def test_half_of_what_is_enough_must_be_left_beside_the_noise(
             return [Option("respiration", nats, 25.0, found_in, lambda same: same)]
 
         monkeypatch.setattr(tries, "own_options", breath)
-        return "respiration" in worth_trying(wandering, wandering, (0.0, 0.0), None).options
+        return "respiration" in worth_trying(wandering, wandering, NOTHING_LEFT, None).options
 
     assert not tried(12.0)
     assert tried(13.0)
@@ -331,7 +335,7 @@ def test_what_says_most_beside_the_noise_is_tried_too(
         return _options(found_in, by_name, 25.0)
 
     monkeypatch.setattr(tries, "own_options", own)
-    found = worth_trying(wandering, wandering, (0.0, 0.0), None)
+    found = worth_trying(wandering, wandering, NOTHING_LEFT, None)
     assert set(found.options) == {"respiration", "slip"}
     assert found.largest["slip"] == 6_000.0
     # of rhythms beside the noise another says most: this one is asked for by name
@@ -350,12 +354,12 @@ def test_what_says_more_than_an_effect_that_shows_is_tried_beside_it(
         return _options(found_in, by_name, 25.0)
 
     monkeypatch.setattr(tries, "own_options", own)
-    assert set(worth_trying(wandering, wandering, (0.0, 0.0), None).options) == {
+    assert set(worth_trying(wandering, wandering, NOTHING_LEFT, None).options) == {
         "transient",
         "motion_artefact",
     }
     beside["motion_artefact"] = 0.0
-    assert not worth_trying(wandering, wandering, (0.0, 0.0), None).options
+    assert not worth_trying(wandering, wandering, NOTHING_LEFT, None).options
 
 
 def test_a_law_that_says_more_than_one_that_shows_is_tried_beside_it(
@@ -371,13 +375,13 @@ def test_a_law_that_says_more_than_one_that_shows_is_tried_beside_it(
 
     monkeypatch.setattr(tries, "law_options", laws)
     monkeypatch.setattr(tries, "own_options", lambda *_: [])
-    tried = worth_trying(wandering, wandering, (0.0, 0.0), None).options
+    tried = worth_trying(wandering, wandering, NOTHING_LEFT, None).options
     assert set(tried) == {"power_law_relaxation", "third_relaxation"}
     # also where what shows says far less than the best do
     beside["third_relaxation"], beside["force_lag"], quick["force_lag"] = 0.0, 266.0, 70.0
-    assert set(worth_trying(wandering, wandering, (0.0, 0.0), None).options) == set(quick)
+    assert set(worth_trying(wandering, wandering, NOTHING_LEFT, None).options) == set(quick)
     beside["force_lag"] = 0.0
-    assert not worth_trying(wandering, wandering, (0.0, 0.0), None).options
+    assert not worth_trying(wandering, wandering, NOTHING_LEFT, None).options
 
 
 def test_what_laws_are_granted_to_be_off_for_is_tried(
@@ -393,9 +397,9 @@ def test_what_laws_are_granted_to_be_off_for_is_tried(
 
     monkeypatch.setattr(tries, "law_options", laws)
     monkeypatch.setattr(tries, "own_options", lambda *_: [])
-    assert set(worth_trying(account, wandering, (20.0, 20.0), None).options) == {"lever_arc"}
+    assert set(worth_trying(account, wandering, MUCH_LEFT, None).options) == {"lever_arc"}
     exact["lever_arc"] = exact["coulomb_friction"] = 15.0
-    assert not worth_trying(account, wandering, (20.0, 20.0), None).options
+    assert not worth_trying(account, wandering, MUCH_LEFT, None).options
 
 
 def test_what_laws_were_off_for_want_of_frees_them() -> None:
@@ -422,34 +426,91 @@ def test_each_form_that_a_law_may_take_has_its_price(record: Callable[..., list[
     assert nats(("force_mn",)) - nats(("force_mn", *inner)) == pytest.approx(len(inner), abs=0.1)
 
 
-def test_what_effects_leave_over_is_what_is_not_foreseen_of_them() -> None:
+def _acting(*of_phase: float) -> Callable[..., np.ndarray]:
+    """Return what stands for `acting` where every effect shows as much in the phases, and shares of it squared."""
+
+    def acting(account: Account, names: Sequence[str], shares: np.ndarray | None = None) -> np.ndarray:
+        squares = np.ones((len(names), 1)) if shares is None else shares**2
+        return squares * np.array(of_phase)
+
+    return acting
+
+
+def test_what_effects_leave_over_is_what_is_not_foreseen_of_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    of_phase = np.array([0.0, 0.0, 6.0, 1.0, 5.0, 0.0, 0.0])
+    monkeypatch.setattr(left_over, "acting", _acting(*of_phase))
     law = _account([0.0] * 4, [0.0] * 4)
-    unforeseen = (UNFORESEEN * INEXACT) ** 2
+    unforeseen = (UNFORESEEN * INEXACT) ** 2 * 9000.0 * of_phase / 12.0
     # what comes in each trial anew is granted to be off as a law is
     for account in (law, _with_steps(law, slip=5.0)):
-        assert left_over(account, 9000.0, {}) == pytest.approx([unforeseen * 9000.0] * 2)
-    # off by a third where it was foreseen, it is so where it was not: in the phase that explains half
+        left = left_over.left_over(account, 9000.0, {})
+        np.testing.assert_allclose(left.to_laws, unforeseen)
+        np.testing.assert_allclose(left.to_others, unforeseen)
+    # off by a third where it was foreseen, it is so where it was not
     by_phase = np.where(np.array(PHASE_NAMES) == "ramp", ROUGH, INEXACT)
     rough = replace(law, inexact=Shares({"force_lag": by_phase}))
-    rough.__dict__["explained_by_phase"] = np.where(by_phase == ROUGH, 6.0, 1.0)[None]
-    half = UNFORESEEN**2 * (0.5 * ROUGH**2 + 0.5 * INEXACT**2)
-    assert left_over(rough, 9000.0, {}) == pytest.approx([half * 9000.0] * 2)
-    # and where it is nothing nobody can say
-    rough.__dict__["explained_by_phase"] = np.zeros((1, len(PHASE_NAMES)))
-    assert left_over(rough, 9000.0, {}) == pytest.approx([unforeseen * 9000.0] * 2)
+    rougher = unforeseen * (by_phase / INEXACT) ** 2
+    np.testing.assert_allclose(left_over.left_over(rough, 9000.0, {}).to_laws, rougher)
 
 
-def test_a_rhythm_leaves_more_than_what_is_granted_to_be_off() -> None:
+def test_a_rhythm_leaves_more_than_what_is_granted_to_be_off(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(left_over, "acting", _acting(0, 1, 1, 1, 1, 0, 0))
     law = _account([0.0] * 4, [0.0] * 4)
     breath = SimpleNamespace(rhythms=(SimpleNamespace(effect="respiration"),), shapes=())
     object.__setattr__(law.fit, "states", (breath,) * 4)
     of_law, of_breath = (UNFORESEEN * INEXACT) ** 2 * 6000.0, INEXACT**2 * 3000.0
     # in four trials it leaves four things, and a law is the same in all
-    assert left_over(law, 9000.0, {"respiration": 3000.0}) == pytest.approx(
-        [of_law + of_breath / 4, of_law + of_breath]
-    )
+    left = left_over.left_over(law, 9000.0, {"respiration": 3000.0})
+    assert left.to_laws.sum() == pytest.approx(of_law + of_breath / 4)
+    assert left.to_others.sum() == pytest.approx(of_law + of_breath)
     # what is not known of it may be all
-    assert left_over(law, 9000.0, {}) == pytest.approx([INEXACT**2 * 9000.0 / 4, INEXACT**2 * 9000.0])
+    left = left_over.left_over(law, 9000.0, {})
+    assert left.to_laws.sum() == pytest.approx(INEXACT**2 * 9000.0 / 4)
+    assert left.to_others.sum() == pytest.approx(INEXACT**2 * 9000.0)
+
+
+@pytest.mark.parametrize(
+    ("gained", "may_be"),
+    [
+        ((100.0, 0.0), 0.0),
+        ((0.0, 20.0), 20.0),
+        ((100.0, 200.0), 10.0 * SURE),
+        ((-5.0, 20.0), 20.0),
+    ],
+    ids=[
+        "elsewhere",
+        "in the ramp, where much is left",
+        "more than may be left",
+        "at the cost of another phase",
+    ],
+)
+def test_what_is_left_in_a_phase_is_no_gain_in_another(
+    gained: tuple[float, float], may_be: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A strong inertia leaves much in the ramp, and nothing in the hold for which a breath could be mistaken."""
+    account = _account([0.0] * 4, [0.0] * 4)
+    left = LeftOver(np.array([0.0, 10.0]), np.array([0.0, 10.0]))
+    monkeypatch.setattr(left_over, "gained_where", lambda after, before: np.array(gained))
+    assert left.of(account, account, anew=False) == pytest.approx((may_be, sum(gained) - may_be))
+    nothing = LeftOver(np.zeros(2), np.zeros(2))
+    assert nothing.of(account, account, anew=True) == (0.0, np.inf)
+
+
+def test_an_effect_is_seen_where_it_acts(record: Callable[..., list[Trial]]) -> None:
+    """Skin clings on the way back: there it is seen, and there less is left with it."""
+    clinging = '[[effects]]\nname = "adhesion"\npull_off_mn = 4.0\n'
+    plans = study_plans(depths_mm=(0.3, 0.7), repeats=3, hold_s=2.0, dwell_s=1.0)
+    nothing = Account(fit_baseline(take_in_memory(record(52, clinging, plans)).trials))
+    account = search.considered(nothing, nothing, {}, ["adhesion"])[0].settled_account()
+    back = PHASE_NAMES.index("retract")
+    acts = left_over.acting(account, account.names)
+    assert acts.shape == (1, len(PHASE_NAMES))
+    assert acts[0, back] > 0.6 * acts.sum()
+    # half of an effect has a quarter of its squares, in the phases in which it is half
+    half = np.where(np.arange(len(PHASE_NAMES)) == back, 0.5, 0.0)[None]
+    assert 0.2 < left_over.acting(account, account.names, half).sum() / acts.sum() < 0.3
+    gained = left_over.gained_where(account, nothing)
+    assert gained[back] > 0.6 * gained.sum() > 100.0
 
 
 @pytest.mark.parametrize(
@@ -528,7 +589,7 @@ def test_what_is_missing_leads_others_no_further_than_to_nothing(
 
     def shape(account: Account) -> SimpleNamespace:
         asked.append(account)
-        return SimpleNamespace(gain=common)
+        return SimpleNamespace(gain=common if account is NOTHING else 0.0)
 
     monkeypatch.setattr(search, "begun_again", lambda account, name, nothing: account)
     monkeypatch.setattr(search, "own_options", lambda account, name: [])
@@ -537,8 +598,8 @@ def test_what_is_missing_leads_others_no_further_than_to_nothing(
     of = {(): 0.0, ("slip",): 900.0, ("stiffening",): -9000.0, ("slip", "stiffening"): 1000.0}
     account = cast(Account, _Evidence(("slip", "stiffening"), of, ("slip",)))
     found, adds = pruned(account, Rival("stiffening", 100.0, 1.0, account), NOTHING)
-    # it is asked of what is left without both, where the others went astray
-    assert asked == [NOTHING]
+    # it is asked of what is left without both, where the others went astray, and where one is, what is left with them
+    assert asked == [NOTHING, *([account] if common else [])]
     assert (found, adds) == ((NOTHING, {}) if common else (account, {"slip": 1000.0, "stiffening": 100.0}))
 
 
@@ -585,6 +646,7 @@ def test_what_is_bent_by_another_that_is_missing_leads_to_it(
         return [Rival(name, 36e3, 1.0, refitted, itself=itself)]
 
     monkeypatch.setattr(search, "weighed", lambda account, *_: steps[account.names])
+    monkeypatch.setattr(search, "left_over", lambda *_: NOTHING_LEFT)
     monkeypatch.setattr(search, "as_rival", beside)
     monkeypatch.setattr(search, "begun_again", lambda account, name, nothing: account)
     monkeypatch.setattr(search, "pruned", lambda account, *_: (account, {}))
@@ -630,7 +692,9 @@ def test_what_comes_in_each_trial_anew_does_not_stand_for_a_shape_that_all_share
         trials.append(replace(trial, force_mn=trial.force_mn + (bump if alike else own)))
     account = Account(replace(fit, trials=tuple(trials)).with_states())
     gain = 0.5 * account.fit.cost
-    assert stands_for_shape(account, gain) == alike
+    assert stands_for_shape(Account(fit), account, gain) == alike
+    # what leaves a shape where it was explains something else
+    assert not stands_for_shape(account, account, gain)
 
 
 def test_a_law_may_leave_more_than_there_was(record: Callable[..., list[Trial]]) -> None:

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from analysis.mismatch.evidence.account import Account
-from analysis.mismatch.evidence.left_over import off_by_a_third
+from analysis.mismatch.evidence.itself import off_by_a_third
 from analysis.mismatch.evidence.shares import EXACT, OffCoefficients, Shares, even_shares, likeliest_shares
 from analysis.mismatch.fit.own import OwnColumns
 from analysis.mismatch.fit.study_fit import StudyFit

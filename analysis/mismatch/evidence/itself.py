@@ -1,0 +1,96 @@
+"""Whether an effect is itself: more than what others are off by, and what the textbook says."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from analysis.mismatch.evidence.account import Account
+from analysis.mismatch.evidence.shares import even_shares
+from analysis.mismatch.fit.law_fit import fit_laws
+from analysis.mismatch.fit.study_fit import StudyFit
+from analysis.mismatch.levels import (
+    ENOUGH_SHARED,
+    FEWEST_HELD_OUT,
+    INEXACT,
+    KEPT,
+    ROUGH,
+    SMALL_SHARE,
+)
+from analysis.simulation.mechanism import library
+
+
+def off_by_a_third(account: Account, name: str) -> bool:
+    """Return whether an effect is off by a third or more where it explains most: by so much another law is."""
+    off = account.as_off
+    if name not in off.may_be_off or not off.inexact:
+        return False
+    most = int(np.argmax(off.explained_by_phase[off.may_be_off.index(name)]))
+    return bool(np.isclose(off.inexact.of([name])[0, most], ROUGH))
+
+
+def explains_itself(account: Account, before: Account, gain: float, asked: float) -> bool:
+    """Return whether what an account gains over the one before is not just what laws may be off by.
+
+    Those before it are granted to be as much off without it as with it. The first is to be nearly right itself. Others
+    may be off, too, or be exact: what is granted to a weak one costs more than it brings.
+    """
+    if not before.may_be_off or len(account.fit.trials) < FEWEST_HELD_OUT:
+        return gain - max(account.granted - before.granted, 0.0) >= KEPT * gain
+    tenth = even_shares(account.may_be_off, INEXACT)
+    shares = account.rough.inexact.or_larger(before.rough.inexact)
+    added = frozenset(account.may_be_off) - frozenset(before.may_be_off)
+    shares = shares.no_more_than(tenth, added)
+    without = before.rough.inexact_to(shares)
+    if account.rough.inexact_to(shares).gain_over(without)[0] >= asked:
+        return True
+    exact = replace(account.rough, taken_as_exact=added)
+    return bool(added) and exact.inexact_to(shares).gain_over(without)[0] >= asked
+
+
+def frees(account: Account, before: Account) -> bool:
+    """Return whether laws that were granted to be off are exact with what was added: they were off for want of it.
+
+    What laws leave by being off themselves no other takes up to the last: it would have to be all that they leave.
+    """
+    return before.granted > 0.0 and account.granted <= SMALL_SHARE * before.granted
+
+
+def mends(account: Account, before: Account, nothing: Account, gain: float) -> bool:
+    """Return whether an effect makes laws less off that would have to be off by more than what is named may be.
+
+    Beside an effect that leaves them as they are nothing would be named, unless it gains more than they are off by.
+    """
+    if before.granted <= max(SMALL_SHARE * before.gain_over(nothing)[0], gain):
+        return True
+    return account.granted <= before.granted - ENOUGH_SHARED
+
+
+def brings_itself(account: Account, name: str) -> bool:
+    """Return whether an effect gains what it does as the textbook has it: half without what it may do besides.
+
+    A drop of a fifth of a millinewton and much that goes on after it is no slip, and what rings long after an arm is
+    struck is no arm's mass. What has no name has no textbook either.
+    """
+    exact = account.exact
+    textbook = as_textbook(exact.fit, name)
+    if textbook is exact.fit or name not in library():
+        return True
+    nothing, itself, whole = (fit_laws(fit).cost for fit in (exact.stripped(name).fit, textbook, exact.fit))
+    return nothing - itself >= KEPT * (nothing - whole)
+
+
+def as_textbook(fit: StudyFit, name: str) -> StudyFit:
+    """Return the fit without what one of its effects may do besides its textbook's form; itself where it does nothing.
+
+    What differs from site to site is the skin's, in the textbook too.
+    """
+    laws = tuple(law.textbook if law.name == name else law for law in fit.shared.laws)
+    states = tuple(
+        s.with_only([k for k, x in enumerate(s.shapes) if x.effect != name or not x.kind or x.is_number])
+        for s in fit.states
+    )
+    if laws == fit.shared.laws and all(new is old for new, old in zip(states, fit.states, strict=True)):
+        return fit
+    return replace(fit, shared=replace(fit.shared, laws=laws), states=states)

@@ -255,7 +255,7 @@ def _slow_shapes(
 
 
 def phases_alike(fit: StudyFit, name: str) -> float:
-    """Return how alike the phases of a slow rhythm are where holds begin, in nats: n R^2 of Rayleigh's test.
+    """Return how alike the phases of a rhythm are where holds begin, in nats: n R^2 of Rayleigh's test.
 
     H0: the phase is uniform and independent in each of n trials, as nothing ties a body's rhythm to them. Then the mean
     resultant length R makes n R^2 exponential, of mean 1 (Mardia and Jupp, Directional Statistics, 2000, 6.3.1).
@@ -263,11 +263,14 @@ def phases_alike(fit: StudyFit, name: str) -> float:
     turned = []
     for trial, state in zip(fit.trials, fit.states, strict=True):
         hold = trial.in_phase("hold")
-        mine = state.shapes.of(name)
-        if mine and np.any(hold):
-            surface_mm = sum(state.coefficients[k] * state.shapes[k].shape[hold] for k in mine)
+        moved = [
+            (state.shapes[k].at, state.coefficients[k] * state.shapes[k].shape) for k in state.shapes.of(name)
+        ]
+        moved += [(r.frequency_hz, r.found_mm) for r in state.rhythms if r.effect == name]
+        if moved and np.any(hold):
+            surface_mm = sum(surface_mm[hold] for _, surface_mm in moved)
             since_s = trial.time_s[hold] - trial.time_s[hold][0]
-            wave = np.exp(-2j * np.pi * state.shapes[mine[0]].at * since_s)
+            wave = np.exp(-2j * np.pi * moved[0][0] * since_s)
             turned.append(complex(np.sum(trial.widths_s[hold] * surface_mm * wave)))
     unit = np.array([z / abs(z) for z in turned if z])
     return float(np.abs(unit.sum()) ** 2 / len(unit)) if len(unit) else 0.0

@@ -259,13 +259,14 @@ def is_nothing(account: Account, name: str) -> bool:
     if any(law.is_nothing for law in fit.shared.laws if law.name == name):
         return True
     bands = [r for s in fit.states for r in s.rhythms if r.effect == name]
-    if bands:
-        return any(r.is_nothing for r in bands)
+    if any(r.is_nothing for r in bands):
+        return True
     mechanism = library().get(name)
     if name not in account.steps or mechanism is None or mechanism.form != "oscillation":
         return False
-    locked = phases_alike(fit, name) > ENOUGH_ONCE
-    return locked or not own_sizes(account, mechanism)[mechanism.amplitude].value > 0.0
+    if phases_alike(fit, name) > ENOUGH_ONCE:
+        return True
+    return not bands and not own_sizes(account, mechanism)[mechanism.amplitude].value > 0.0
 
 
 def pruned(account: Account, newest: Rival, nothing: Account) -> tuple[Account, dict[str, float]]:

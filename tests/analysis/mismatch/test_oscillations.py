@@ -313,26 +313,29 @@ def test_a_pulse_has_its_overtones(record: Callable[..., list[Trial]], hz: float
     assert np.std(left) < 0.1 * np.std(surface)
 
 
+@pytest.mark.parametrize(("name", "hz"), [("respiration", 0.3), ("heartbeat", 1.2)], ids=["shapes", "a band"])
 @pytest.mark.parametrize("locked", [True, False])
-def test_what_begins_alike_in_all_trials_is_no_breath(
-    record: Callable[..., list[Trial]], locked: bool
+def test_what_begins_alike_in_all_trials_is_no_rhythm_of_a_body(
+    record: Callable[..., list[Trial]], locked: bool, name: str, hz: float
 ) -> None:
     """A sensor that warms while skin is touched leaves a slow wave in all trials alike; a breath knows of no trial.
 
     Phases that are as much alike by chance come once in 3000 studies; these are drawn once, by a fixed seed.
     """
-    there = _oscillating(record, "respiration", 0.3, repeats=12, hold_s=4.0)
+    there = _oscillating(record, name, hz, repeats=12, hold_s=4.0)
     random = np.random.default_rng(48)
     states = []
     for trial, state in zip(there.trials, there.states, strict=True):
         begins_s = trial.time_s[trial.in_phase("hold")][0]
         phase = 0.4 * random.standard_normal() if locked else random.uniform(0.0, 2 * np.pi)
         shapes = np.array([s.shape for s in state.shapes])
-        wave_mm = 0.02 * np.cos(2 * np.pi * 0.3 * (trial.time_s - begins_s) + phase)
-        found = np.linalg.lstsq(shapes.T, wave_mm)[0]
-        states.append(replace(state, coefficients=found))
-    breathing = Account(replace(there, states=tuple(states)), steps={"respiration": 0.0})
-    assert is_nothing(breathing, "respiration") is locked
+        wave_mm = 0.02 * np.cos(2 * np.pi * hz * (trial.time_s - begins_s) + phase)
+        found = np.linalg.lstsq(shapes.T, wave_mm)[0] if len(shapes) else np.zeros(0)
+        bands = tuple(replace(r, found_mm=wave_mm, frequency_hz=hz) for r in state.rhythms)
+        assert bool(bands) is not bool(len(shapes))
+        states.append(replace(state, coefficients=found, rhythms=bands))
+    moving = Account(replace(there, states=tuple(states)), steps={name: 0.0})
+    assert is_nothing(moving, name) is locked
 
 
 def test_a_breath_of_a_cycle_says_little_of_its_frequency(record: Callable[..., list[Trial]]) -> None:

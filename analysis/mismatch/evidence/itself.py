@@ -22,12 +22,14 @@ from analysis.simulation.mechanism import library
 
 
 def off_by_a_third(account: Account, name: str) -> bool:
-    """Return whether an effect is off by a third or more where it explains most: by so much another law is."""
-    off = account.as_off
-    if name not in off.may_be_off or not off.inexact:
+    """Return whether an effect is off by a third or more where it explains most: by so much another law is.
+
+    Where all are likelier exact none is off.
+    """
+    if name not in account.may_be_off or not account.inexact:
         return False
-    most = int(np.argmax(off.explained_by_phase[off.may_be_off.index(name)]))
-    return bool(np.isclose(off.inexact.of([name])[0, most], ROUGH))
+    most = int(np.argmax(account.explained_by_phase[account.may_be_off.index(name)]))
+    return bool(np.isclose(account.inexact.of([name])[0, most], ROUGH))
 
 
 def explains_itself(account: Account, before: Account, gain: float, asked: float) -> bool:

@@ -14,6 +14,7 @@ from analysis.mismatch.evidence.shares import even_shares
 from analysis.mismatch.fit.study_fit import Held
 from analysis.mismatch.levels import FEWEST_HELD_OUT, INEXACT, ROUGH, SURE, UNFORESEEN
 from analysis.recordings.trial import PHASE_NAMES
+from analysis.simulation.cells import CellTrial
 
 FloatArray = NDArray[np.float64]
 
@@ -84,10 +85,15 @@ def acting(account: Account, names: Sequence[str], shares: FloatArray | None = N
     bare = replace(fit, whiteners=whiteners, states=states, held=Held())
     for j, (trial, projector) in enumerate(zip(fit.trials, bare.projectors, strict=True)):
         effects = np.column_stack(inexact_effects(fit, j, names))
-        left = projector(effects if shares is None else effects * shares.T[trial.phase]) ** 2
-        for code in range(len(PHASE_NAMES)):
-            found[:, code] += left[trial.phase[trial.fitted] == code].sum(axis=0)
+        left = projector(effects if shares is None else effects * shares.T[trial.phase])
+        found += by_phase(trial, left**2).T
     return found
+
+
+def by_phase(trial: CellTrial, squares: FloatArray) -> FloatArray:
+    """Return the sums (P, ...) over each phase of what a trial's fitted cells have (n, ...); some are in no phase."""
+    phase = trial.phase[trial.fitted]
+    return np.array([squares[phase == code].sum(axis=0) for code in range(len(PHASE_NAMES))])
 
 
 def gained_where(account: Account, before: Account) -> FloatArray:
@@ -101,9 +107,6 @@ def gained_where(account: Account, before: Account) -> FloatArray:
     )
     left = []
     for each in (before, after):
-        squares = [
-            np.bincount(t.phase[t.fitted], p.residual**2, len(PHASE_NAMES))
-            for t, p in zip(each.fit.trials, each.fit.projectors, strict=True)
-        ]
-        left.append(np.sum(squares, axis=0))
+        pairs = zip(each.fit.trials, each.fit.projectors, strict=True)
+        left.append(np.sum([by_phase(t, p.residual**2) for t, p in pairs], axis=0))
     return np.asarray(0.5 * (left[0] - left[1]))

@@ -511,6 +511,12 @@ def test_an_effect_is_seen_where_it_acts(record: Callable[..., list[Trial]]) -> 
     assert 0.2 < left_over.acting(account, account.names, half).sum() / acts.sum() < 0.3
     gained = left_over.gained_where(account, nothing)
     assert gained[back] > 0.6 * gained.sum() > 100.0
+    # a file may have samples of no phase
+    dwell = PHASE_NAMES.index("dwell")
+    gaps = tuple(replace(t, phase=np.where(t.phase == dwell, -1, t.phase)) for t in account.fit.trials)
+    with_gaps = replace(account, fit=replace(account.fit, trials=gaps))
+    assert acts[0, dwell] > 0.0 == left_over.acting(with_gaps, account.names)[0, dwell]
+    assert left_over.gained_where(with_gaps, nothing)[back] == pytest.approx(gained[back])
 
 
 @pytest.mark.parametrize(

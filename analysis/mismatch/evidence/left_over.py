@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.evidence.inexactness import inexact_effects
-from analysis.mismatch.evidence.shares import even_shares
 from analysis.mismatch.fit.study_fit import Held
 from analysis.mismatch.levels import FEWEST_HELD_OUT, INEXACT, ROUGH, SURE, UNFORESEEN
 from analysis.recordings.trial import PHASE_NAMES
@@ -55,11 +54,11 @@ def left_over(account: Account, explained: float, adds: Mapping[str, float]) -> 
         return LeftOver(left, left)
     rhythms = tuple({r.effect: None for s in account.fit.states for r in s.rhythms})
     own = min(sum(adds.get(name, explained) for name in rhythms), explained)
-    # what explains nothing, or has no shapes to be off in, is off by a tenth
-    off, names = account.as_off, account.may_be_off
-    shares = off.inexact.of(names) if off.inexact else even_shares(names, INEXACT).of(names)
+    names = account.may_be_off
     whole = float(acting(account, names).sum())
-    unforeseen = acting(account, names, UNFORESEEN * shares).sum(axis=0) / max(whole, TINY)
+    unforeseen = acting(account, names, UNFORESEEN * account.as_off.inexact.of(names)).sum(axis=0) / max(
+        whole, TINY
+    )
     others = (explained - own) * unforeseen
     of_rhythms = INEXACT**2 * own * shares_of_all(acting(account, rhythms))
     return LeftOver(others + of_rhythms / n, others + of_rhythms)
@@ -73,8 +72,8 @@ def shares_of_all(acts: FloatArray) -> FloatArray:
 def acting(account: Account, names: Sequence[str], shares: FloatArray | None = None) -> FloatArray:
     """Return the chi2 (E, P) that some of an account's effects, or ``shares`` (E, P) of them, show in every phase.
 
-    It is what tissue, contact and offset of each trial can't take up, wherever that is left: half of what would bend a
-    ramp is seen in the hold.
+    It is what tissue, contact and offset of each trial can't take up, wherever that is left: tissue that follows what
+    bends a ramp leaves a part of it in the hold.
     """
     fit = account.exact.fit
     found = np.zeros((len(names), len(PHASE_NAMES)))

@@ -110,9 +110,7 @@ def weighed(
     logits = {"": -own.gain / max(temperature, own.left), mechanism.name: 0.0}
     close = set()
     for r in rivals:
-        if r.name == mechanism.name or r.name in present or r.name not in library():
-            continue
-        if r.is_another:
+        if r.name == mechanism.name or r.name in present or r.is_another:
             continue
         lead, error = own.account.gain_over(r.account)
         logits[r.name] = -max(lead - INEXACT * own.gain, 0.0) / temperature

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.law_fit import at_bound
 from analysis.mismatch.levels import ENOUGH_SHARED, INEXACT, KEPT, SMALL_SHARE, TWO_ERRORS
+from analysis.simulation.mechanism import library
 
 
 @dataclass(frozen=True)
@@ -30,9 +31,10 @@ class Rival:
 
     @property
     def is_another(self) -> bool:
-        """Whether it is no longer what the textbook says: its law ended elsewhere, or it had to be off by too much."""
-        laws = self.account.fit.shared.laws
-        return self.off > SMALL_SHARE or any(at_bound(law) for law in laws if law.name == self.name)
+        """Whether it is not what a textbook says: none has it, its law ended elsewhere, or it is off by too much."""
+        if self.name not in library() or self.off > SMALL_SHARE:
+            return True
+        return any(at_bound(law) for law in self.account.fit.shared.laws if law.name == self.name)
 
     def settled_account(self) -> Account:
         """Return its account settled; from where it stands, if it was settled roughly."""

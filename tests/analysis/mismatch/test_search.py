@@ -78,6 +78,11 @@ def test_a_law_at_the_end_of_its_range_makes_way_for_one_within_it() -> None:
     # nor is one that explains so much only where it is granted to be off by more than what is named may be
     off = replace(better, off=0.2)
     assert best_first([off, within]) == (within, off)
+    # what no textbook has makes way like these, and keeps none of them from leading that says more
+    nameless = replace(within, name="transient")
+    assert best_first([nameless, better]) == (better, nameless)
+    assert best_first([nameless, off]) == (off, nameless)
+    assert best_first([nameless, ended]) == (ended, nameless)
 
 
 def test_what_is_added_beside_a_rhythm_is_compared_once_that_has_followed_it(

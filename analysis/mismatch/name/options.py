@@ -15,7 +15,7 @@ from analysis.mismatch.fit.baseline import noise_left
 from analysis.mismatch.fit.contacts import contacts_begun_anew
 from analysis.mismatch.fit.gram import gram, solve
 from analysis.mismatch.fit.law_fit import fit_laws
-from analysis.mismatch.fit.settled import Settled
+from analysis.mismatch.fit.settled import Settled, settled_columns
 from analysis.mismatch.fit.steadied import steadied
 from analysis.mismatch.fit.study_fit import StudyFit, with_own_values
 from analysis.mismatch.levels import (
@@ -223,3 +223,27 @@ def _oscillation_refit(scan: OscillationScan) -> Callable[[Account], Account]:
         return replace(added, fit=steadied(beside, name)).with_laws(laws)
 
     return refit
+
+
+def begun_again(account: Account, name: str, nothing: Account) -> Account:
+    """Return the account with what was added last begun from each of its forms or times, if it then predicts better.
+
+    They were chosen by a noise that the mismatch itself had made, and by a tissue bent by it.
+    """
+    stripped = account.exact.stripped(name)
+    forms = [t for t in templates(account.fit.trials) if t.name == name]
+    if name in account.steps:
+        options = own_options(stripped.quick(), name)
+    elif len(forms) > 1:
+        options = law_options(stripped, nothing, forms, settled_columns(stripped.fit, forms))
+    else:
+        return account
+    return better(account, options)
+
+
+def better(account: Account, options: Sequence[Option]) -> Account:
+    """Return the account, or that of an option that predicts better by laws that are exact."""
+    best = max((o.refit().weighed_anew() for o in options), key=lambda a: a.nats, default=None)
+    if best is None or best.nats <= account.of_exact_laws:
+        return account
+    return max(account, best.with_rhythms_settled().granting(), key=lambda a: a.nats)

@@ -10,7 +10,6 @@ from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.evidence.itself import brings_itself, explains_itself, frees, mends
 from analysis.mismatch.evidence.left_over import LeftOver, left_over
 from analysis.mismatch.fit.arms import weakest_apart
-from analysis.mismatch.fit.settled import settled_columns
 from analysis.mismatch.levels import (
     CLOSE,
     ENOUGH_ONCE,
@@ -23,9 +22,8 @@ from analysis.mismatch.levels import (
     SURE,
 )
 from analysis.mismatch.locate.remainder import shape_left
-from analysis.mismatch.model.dictionary import templates
 from analysis.mismatch.name.law_sizes import size_is_told
-from analysis.mismatch.name.options import Option, added, law_options, own_options
+from analysis.mismatch.name.options import added, begun_again, better, own_options
 from analysis.mismatch.name.oscillations import phases_alike
 from analysis.mismatch.name.own_sizes import own_sizes
 from analysis.mismatch.name.rivals import Rival, as_they_stand, best_first, instead
@@ -104,7 +102,8 @@ def one_for_two(
 ) -> tuple[Account, dict[str, tuple[Rival, ...]], dict[str, float]]:
     """Return the account with one law in place of two of its stage, if that predicts as well, and who was considered.
 
-    While another effect is missing a law may not be itself, and two are in its place.
+    While another effect is missing a law may not be itself, and two are in its place. Where a third does for both, one
+    of the two may alone do better.
     """
     laws = account.fit.shared.laws if len(account.names) > 2 else ()
     for first, second in combinations(laws, 2):
@@ -120,7 +119,13 @@ def one_for_two(
         one = replace(step[0], account=step[0].settled_account())
         gain, error = account.gain_over(others)
         if one.as_good_as(Rival("", gain, error, account)):
-            return one.account, rivals | {one.name: step}, {}
+            ones = [one]
+            for law, other in ((first, second), (second, first)):
+                alone = account.without(other.name).settled()
+                ones.append(Rival(law.name, *alone.gain_over(others), alone))
+            best = max(ones, key=lambda r: r.account.nats)
+            besides = (r for r in step if r.name != best.name)
+            return best.account, rivals | {best.name: (best, *besides)}, {}
     return account, rivals, adds
 
 
@@ -136,30 +141,6 @@ def told_apart(account: Account, rivals: Mapping[str, tuple[Rival, ...]]) -> Acc
             here, there = (replace(rivals[law.name][0], account=a) for a in (account, other))
             return other if there.as_good_as(here) else account
     return account
-
-
-def begun_again(account: Account, name: str, nothing: Account) -> Account:
-    """Return the account with what was added last begun from each of its forms or times, if it then predicts better.
-
-    They were chosen by a noise that the mismatch itself had made, and by a tissue bent by it.
-    """
-    stripped = account.exact.stripped(name)
-    forms = [t for t in templates(account.fit.trials) if t.name == name]
-    if name in account.steps:
-        options = own_options(stripped.quick(), name)
-    elif len(forms) > 1:
-        options = law_options(stripped, nothing, forms, settled_columns(stripped.fit, forms))
-    else:
-        return account
-    return _better(account, options)
-
-
-def _better(account: Account, options: Sequence[Option]) -> Account:
-    """Return the account, or that of an option that predicts better by laws that are exact."""
-    best = max((o.refit().weighed_anew() for o in options), key=lambda a: a.nats, default=None)
-    if best is None or best.nats <= account.of_exact_laws:
-        return account
-    return max(account, best.with_rhythms_settled().granting(), key=lambda a: a.nats)
 
 
 def considered(
@@ -290,7 +271,7 @@ def pruned(account: Account, newest: Rival, nothing: Account) -> tuple[Account, 
         # led astray by what is missing, the others may predict worse than nothing
         without = max(without, nothing, key=lambda a: a.nats)
         if name != newest.name and anew:
-            account = _better(account, own_options(without.quick(), name))
+            account = better(account, own_options(without.quick(), name))
         elif name != newest.name:
             account = begun_again(account, name, nothing)
         adds[name] = account.gain_over(without)[0]

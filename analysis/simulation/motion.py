@@ -31,7 +31,7 @@ UNKNOWN_DRIVE = 30.0
 SMALLEST_NOISE_MM = 2e-4
 MOST_PIECES = 100
 STEPS_SHOW = 3.0
-"""Nats by which steps of the output must explain the position better than lines: odds of 20 to 1."""
+"""Nats by which steps of the output, or of its converter, must explain the position better than lines: odds of 20."""
 SERVO_SAMPLES = 8
 """Fewest samples on either side of a kink: a recording with less in NEAR_KINK_S is too slow to show a servo."""
 
@@ -62,12 +62,14 @@ class FoundServo:
     """Natural frequency (rad/s) and damping ratio of the servo that explains recorded position best.
 
     ``of_lines`` is driven by lines from sample to sample, ``of_steps`` by a command that stands from one to the next,
-    as a card plays it; ``steps_show`` tells whether recordings say that it does.
+    as a card plays it; ``steps_show`` tells whether recordings say that it does. ``rounding_shows`` tells whether they
+    say that the arm follows the converter's steps of the recorded command; else the recorder's converter made them.
     """
 
     of_lines: tuple[float, float] = (DEFAULT_NATURAL_FREQUENCY_RAD_S, DEFAULT_DAMPING_RATIO)
     of_steps: tuple[float, float] = (DEFAULT_NATURAL_FREQUENCY_RAD_S, DEFAULT_DAMPING_RATIO)
     steps_show: bool = False
+    rounding_shows: bool = False
 
 
 NOMINAL_SERVO = FoundServo()
@@ -112,22 +114,24 @@ def fit_servo(trials: list[Trial]) -> FoundServo:
         half = round(NEAR_KINK_S * trial.sample_rate_hz)
         if half < SERVO_SAMPLES:
             continue
-        stretches = [(0, trial.n_samples)]
+        stretches, kinks = [(0, trial.n_samples)], find_kinks(trial)
         if trial.kind != "air_sweep":
-            stretches = [(max(0, k - half), min(trial.n_samples, k + half)) for k in find_kinks(trial)]
+            stretches = [(max(0, k - half), min(trial.n_samples, k + half)) for k in kinks]
+        straight_mm = straightened(command_mm, kinks.tolist())
         for lo, hi in stretches:
             u = command_mm[lo:hi]
             # a stretch must begin at rest or on a steady ramp, or the filter's start would be wrong
             if hi - lo < half or np.ptp(u) < 0.01:
                 continue
-            pieces.append((u, trial.position_mm[lo:hi], trial.sample_rate_hz))
+            pieces.append((u, straight_mm[lo:hi], trial.position_mm[lo:hi], trial.sample_rate_hz))
     if not pieces:
         return NOMINAL_SERVO
 
-    def residual(log_p: FloatArray, held: bool) -> FloatArray:
+    def residual(log_p: FloatArray, held: bool, straight: bool = False) -> FloatArray:
         wn, zeta = np.exp(log_p)
         out = []
-        for u, x, rate in pieces[:MOST_PIECES]:
+        for as_recorded, as_lines, x, rate in pieces[:MOST_PIECES]:
+            u = as_lines if straight else as_recorded
             lead = np.polynomial.polynomial.polyfit(np.arange(float(SERVO_SAMPLES)), u[:SERVO_SAMPLES], 1)
             ramp_in = lead[0] + lead[1] * np.arange(-200.0, 0.0)
             model = follow(np.concatenate([ramp_in, u]), rate, wn, zeta, held=held).position_mm[200:]
@@ -144,9 +148,15 @@ def fit_servo(trials: list[Trial]) -> FoundServo:
         )
         for held in (False, True)
     )
-    likelier = 0.5 * len(lines.fun) * np.log(max(lines.cost, 1e-300) / max(steps.cost, 1e-300))
+
+    def likelier(cost: float, other: float) -> bool:
+        return bool(0.5 * len(lines.fun) * np.log(max(other, 1e-300) / max(cost, 1e-300)) > STEPS_SHOW)
+
     of_lines, of_steps = ((float(np.exp(best.x[0])), float(np.exp(best.x[1]))) for best in (lines, steps))
-    return FoundServo(of_lines, of_steps, bool(likelier > STEPS_SHOW))
+    held = likelier(steps.cost, lines.cost)
+    best = steps if held else lines
+    straight = 0.5 * float(np.sum(residual(best.x, held, straight=True) ** 2))
+    return FoundServo(of_lines, of_steps, held, likelier(best.cost, straight))
 
 
 def _servo_explains(recorded_mm: FloatArray, servo_mm: FloatArray) -> bool:
@@ -168,7 +178,9 @@ def estimate_motion(trial: Trial, servo: FoundServo = NOMINAL_SERVO) -> Motion:
     rate, recorded = trial.sample_rate_hz, trial.position_mm
     kinks, shake = find_kinks(trial), np.zeros((len(recorded), 2))
     if trial.command_mm is not None:
-        lines = straightened(trial.command_mm, kinks.tolist())
+        lines = trial.command_mm
+        if not servo.rounding_shows:
+            lines = straightened(lines, kinks.tolist())
         stepped = follow(lines, rate, *servo.of_steps, held=True)
         if servo.steps_show:
             base, v = stepped.position_mm, stepped.velocity_mm_s

@@ -123,19 +123,22 @@ def where_trend(trend: Trend) -> tuple[Located, ...]:
 
 
 def _energies(fit: StudyFit, columns: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return energy beyond noise (mN^2 samples), mean residual (mN) and samples of every window, each (W,)."""
+    """Return energy beyond noise (mN^2 samples), mean residual (mN) and samples of every window, each (W,).
+
+    Of a window's squared residual the noise's share is that of its whitened squares, of which noise leaves one a cell.
+    """
     energy, total, weight = np.zeros(len(PLACES)), np.zeros(len(PLACES)), np.zeros(len(PLACES))
+    whitened, cells = np.zeros(len(PLACES)), np.zeros(len(PLACES))
     for j, (trial, inside) in enumerate(zip(fit.trials, columns, strict=True)):
         r = fit.residual_mn(j)
-        white = fit.whiteners[j](r)
-        excess = np.zeros_like(r)
-        # of a cell's squared residual the noise's share is that of its whitened square
-        excess[trial.fitted] = r[trial.fitted] ** 2 * np.maximum(1.0 - 1.0 / np.maximum(white**2, 1.0), 0.0)
         counts = trial.counts * trial.fitted
-        energy += inside.T @ (counts * excess)
+        energy += inside.T @ (counts * r**2)
         total += inside.T @ (counts * r)
         weight += inside.T @ counts
-    return energy, total / np.maximum(weight, 1.0), weight
+        whitened += inside[trial.fitted].T @ fit.whiteners[j](r) ** 2
+        cells += inside[trial.fitted].sum(axis=0)
+    beyond = np.maximum(1.0 - cells / np.maximum(whitened, 1e-300), 0.0)
+    return energy * beyond, total / np.maximum(weight, 1.0), weight
 
 
 def _merged(significant: NDArray[np.bool_], present: NDArray[np.bool_]) -> list[list[int]]:

@@ -17,7 +17,7 @@ FloatArray = NDArray[np.float64]
 STEP = 1.25
 """From one deviation that is looked at to the next."""
 EDGES = np.concatenate([[0.0, 1.0, 2.0], 3.0 * STEP ** np.arange(37.0), [np.inf]])
-"""Robust deviations by which samples are counted: a step is wider than the levels of a converter lie apart."""
+"""Robust deviations by which samples are counted, beside the levels of a converter."""
 TAIL = 6.0
 """Deviations that a second, rarer kind of noise may have; from `FAR` it is none."""
 LARGEST = 1.5
@@ -49,31 +49,48 @@ def find_outliers(fit: StudyFit) -> Bursts:
     """Weigh single samples at rest in all trials; the largest is where they are."""
     kept = [at_rest(fit, j) for j in range(len(fit.trials))]
     scattered = [deviations(fit.full_residual_mn(j), rest) for j, rest in enumerate(kept)]
-    whole = tails(np.concatenate([s.off for s in scattered]))
+    sigma_mn = float(np.median([s.sigma_mn for s in scattered]))
+    level_mn = float(np.median([levels_apart(t.full_force_mn) for t in fit.trials]))
+    whole = tails(np.concatenate([s.off for s in scattered]), level_mn / sigma_mn)
     if whole.evidence <= 0.0:
         return NO_BURSTS
     j = int(np.argmax([np.abs(s.off).max(initial=0.0) for s in scattered]))
     most = int(np.argmax(np.abs(scattered[j].off)))
     at_s = float(fit.trials[j].full_time_s[kept[j]][most])
-    rms_mn = whole.far_sd * float(np.median([s.sigma_mn for s in scattered]))
-    return Bursts(whole.evidence, phase_at(fit.trials[j], at_s), at_s, rms_mn)
+    return Bursts(whole.evidence, phase_at(fit.trials[j], at_s), at_s, whole.far_sd * sigma_mn)
 
 
-def tails(off: FloatArray) -> Tails:
+def levels_apart(force_mn: NDArray[np.float32]) -> float:
+    """Return how far the values that a force (N,) takes lie apart, mN: levels of a converter where it is coarse."""
+    gaps = np.diff(np.unique(force_mn))
+    return float(np.median(gaps)) if gaps.size else 0.0
+
+
+def _edges(level: float) -> FloatArray:
+    """Return `EDGES` midway between a converter's levels, which a count holds or does not: nothing lies between."""
+    if level <= 0.0:
+        return EDGES
+    between = (np.round(EDGES[1:-1] / level - 0.5) + 0.5) * level
+    return np.concatenate([[0.0], np.unique(between), [np.inf]])
+
+
+def tails(off: FloatArray, level: float = 0.0) -> Tails:
     """Weigh that samples (n,) hold some that are further off than noise.
 
     H0: noise of any bulk and any heavy tails, of one source or of several: normals of at most `TAIL` deviations and
     Student's t of at most `LARGEST`, in any shares. H1: the same, and beside them normals beyond `FAR`. Samples are
     taken as independent; the shares are the likeliest of their counts (Kiefer and Wolfowitz, Ann. Math. Statist.
-    27:887, 1956): as the likelihood has one maximum in them, it is found from anywhere.
+    27:887, 1956): as the likelihood has one maximum in them, it is found from anywhere. Samples may lie on levels, each
+    so far from the next.
     """
-    counts = np.histogram(np.abs(off), EDGES)[0].astype(np.float64)
+    edges = _edges(level)
+    counts = np.histogram(np.abs(off), edges)[0].astype(np.float64)
     furthest = float(np.abs(off).max(initial=0.0))
     if furthest <= FAR:
         return Tails(0.0, 0.0)
     sizes = FAR * STEP ** np.arange(np.ceil(np.log(furthest / FAR) / np.log(STEP)) + 1.0)
-    normals, beyond = (2.0 * -np.diff(ndtr(-EDGES / sd[:, None])) for sd in (NORMALS, sizes))
-    heavy = [-np.diff(stdtr(freedom, -EDGES / scale)) for freedom in FREEDOMS for scale in SCALES]
+    normals, beyond = (2.0 * -np.diff(ndtr(-edges / sd[:, None])) for sd in (NORMALS, sizes))
+    heavy = [-np.diff(stdtr(freedom, -edges / scale)) for freedom in FREEDOMS for scale in SCALES]
     noise = np.concatenate([normals, 2.0 * np.array(heavy)])
     without, _ = _likeliest(counts, noise)
     with_far, shares = _likeliest(counts, np.concatenate([noise, beyond]))

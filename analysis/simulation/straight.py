@@ -1,7 +1,8 @@
 """A recorded command freed of its converter's steps: straight lines as they were commanded.
 
-The servo's answer to steps of 0.15 um has accelerations of a metre per second squared that never were: the arm
-follows a reconstruction that is smoother than the codes.
+The servo's answer to steps of 0.15 um has accelerations of a metre per second squared. Where the recorder's converter
+made the steps these never were, and the arm followed lines that are smoother than the codes; whose the steps were the
+position tells (`motion.fit_servo`).
 """
 
 from __future__ import annotations

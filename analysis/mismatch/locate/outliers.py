@@ -17,7 +17,7 @@ FloatArray = NDArray[np.float64]
 STEP = 1.25
 """From one deviation that is looked at to the next."""
 EDGES = np.concatenate([[0.0, 1.0, 2.0], 3.0 * STEP ** np.arange(37.0), [np.inf]])
-"""Robust deviations by which samples are counted, beside the levels of a converter."""
+"""Robust deviations between which samples are counted, unless a converter has levels wider apart."""
 TAIL = 6.0
 """Deviations that a second, rarer kind of noise may have; from `FAR` it is none."""
 LARGEST = 1.5
@@ -67,7 +67,7 @@ def levels_apart(force_mn: NDArray[np.float32]) -> float:
 
 
 def _edges(level: float) -> FloatArray:
-    """Return `EDGES` midway between a converter's levels, which a count holds or does not: nothing lies between."""
+    """Return `EDGES`, each moved to midway between two levels of a converter: samples lie on these only."""
     if level <= 0.0:
         return EDGES
     between = (np.round(EDGES[1:-1] / level - 0.5) + 0.5) * level

@@ -42,8 +42,8 @@ def test_noise_of_any_tail_holds_no_outliers(seed: int, kind: str) -> None:
 def test_noise_on_the_levels_of_a_converter_holds_no_outliers(
     seed: int, freedom: float, level: float
 ) -> None:
-    """Counted between levels that lie 1.7 deviations apart tails had 43 nats, and 331 of 2.5; counted beside them none
-    in 300 draws.
+    """Counted between any edges, tails on levels 1.7 deviations apart had up to 43 nats, and 331 on levels 2.5 apart;
+    between edges midway between levels none in 300 draws.
     """
     random = np.random.default_rng(seed)
     noise = random.normal(size=N) if np.isinf(freedom) else random.standard_t(freedom, N)

@@ -61,7 +61,7 @@ def diagnose(intake: Intake, *, baseline: str = "ramp", seed: int = 0) -> Diagno
     nothing = Account(fit)
     remainder = remainder_of(named.account if named.account.names else nothing, nothing)
     bursts = find_transients(nothing.fit) if named.account.names else remainder.bursts
-    nameless = nameless_of(named.account, before, [f.name for f in found])
+    nameless = nameless_of(named.account, before, [f.name for f in found if not f.at_bound])
     trend = where_trend(remainder.trend)
     somewhere = bool(found) or remainder.lasts
     return Diagnosis(

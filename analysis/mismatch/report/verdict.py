@@ -123,7 +123,7 @@ def _verdict(
         return "unknown"
     if any(not line.name and line.rms_mn >= tolerance_mn for line in diagnosis.lines):
         return "unknown"
-    if lever_unknown or len(kept_findings(diagnosis)) < len(diagnosis.findings):
+    if lever_unknown or (diagnosis.findings and not kept_findings(diagnosis)):
         return "unknown"
     if not mechanisms:
         return "no_mismatch"

@@ -275,9 +275,23 @@ def test_names_that_explain_less_than_is_left_are_not_said(rubbing: Diagnosis) -
     assert kept_findings(replace(rubbing, nameless=replace(rubbing.nameless, share=0.2))) == ()
     # right to a third: what the law gains by being granted to be off it does not explain
     assert kept_findings(replace(rubbing, remainder=replace(rubbing.remainder, inexact=0.2))) == ()
-    pinned = replace(rubbing, findings=tuple(replace(f, at_bound=True) for f in rubbing.findings))
-    assert _report(pinned).verdict == "unknown"
-    assert any("limit of its range" in note for note in _report(pinned).notes)
+
+
+def test_what_ended_at_a_bound_counts_as_what_has_no_name(
+    rubbing: Diagnosis, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pinned = tuple(replace(f, at_bound=True) for f in rubbing.findings)
+    # beside what is right, a little of it leaves the verdict, and much does not
+    little, much = (replace(rubbing.nameless, share=0.01, rms_mn=mn) for mn in (0.05, 2.0))
+    beside = replace(rubbing, findings=(*rubbing.findings, *pinned))
+    assert _report(replace(beside, nameless=little)).verdict == "named"
+    assert _report(replace(beside, nameless=much)).verdict == "unknown"
+    # and it is all there is where nothing else was found
+    monkeypatch.setattr("analysis.mismatch.diagnosis.findings", lambda *_: pinned)
+    alone = _diagnose('name = "coulomb_friction"\nforce_mn = 1.0')
+    assert alone.nameless.share == pytest.approx(1.0, abs=0.02)
+    assert _report(alone).verdict == "unknown"
+    assert any("limit of its range" in note for note in _report(alone).notes)
 
 
 @pytest.mark.parametrize(

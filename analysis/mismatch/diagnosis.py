@@ -71,7 +71,7 @@ def diagnose(intake: Intake, *, baseline: str = "ramp", seed: int = 0) -> Diagno
         findings=found,
         lines=lines,
         located=(*locate(before.fit, rng, somewhere=somewhere), *where_bursts(bursts), *trend),
-        left=(*locate(nameless.by_name.fit, rng), *where_bursts(remainder.bursts), *trend),
+        left=(*locate(nameless.left, rng), *where_bursts(remainder.bursts), *trend),
         remainder=remainder,
         nameless=nameless,
         absorbed=find_absorbed(named.account.fit),

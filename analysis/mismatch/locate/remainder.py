@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analysis.mismatch.evidence.account import Account
+from analysis.mismatch.fit.gram import solve
+from analysis.mismatch.fit.law_fit import known_beforehand
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import ENOUGH_OWN, SMALL_SHARE
 from analysis.mismatch.locate.outliers import find_outliers
@@ -15,7 +18,10 @@ from analysis.mismatch.locate.quiet import out_of_contact
 from analysis.mismatch.locate.session import NO_TREND, Trend, find_trend
 from analysis.mismatch.locate.transients import NO_BURSTS, Bursts, find_bursts
 from analysis.mismatch.locate.windows import CommonShape, common_shape, own_evidence
+from analysis.mismatch.model.effects import TISSUE_SIZE
 from analysis.recordings.trial import PHASE_NAMES
+
+FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -63,6 +69,11 @@ class Nameless:
     rms_mn: float
     by_name: Account
 
+    @property
+    def left(self) -> StudyFit:
+        """The fit to what is left by all that has a name."""
+        return unexpected(self.by_name)
+
 
 def is_small(share: float, rms_mn: float, tolerance_mn: float) -> bool:
     """Whether what no mechanism names is no more than what laws leave over by being inexact."""
@@ -108,7 +119,7 @@ def remainder_of(account: Account, nothing: Account) -> Remainder:
     quick = account.quick()
     if quick is not account:
         # the shape is looked for where no slow noise is granted; what is left without it is the noise beside it
-        beside = replace(account, fit=_without(account, shape_left(quick))).reweighed()
+        beside = replace(account, fit=_without(account.fit, shape_left(quick).force_mn)).reweighed()
         best = max(best, _common(account, nothing.at_noise(beside.fit.noise)), key=lambda r: r.evidence)
     bursts = find_transients(account.fit)
     if bursts.evidence > best.evidence:
@@ -140,13 +151,28 @@ def shape_left(account: Account) -> CommonShape:
     return common_shape(account.fit, known.columns, known.precision)
 
 
-def _without(account: Account, shape: CommonShape) -> StudyFit:
-    """Return the fit to trials from whose force a shape was taken."""
+def unexpected(account: Account) -> StudyFit:
+    """Return an account's fit, its laws where they stand, to what they are not likely to leave in all trials alike.
+
+    What is theirs is no evidence for another; its estimate is the posterior mean.
+    """
+    known = account.as_off
+    if not known.may_be_off:
+        return account.fit
+    grams, laws = known.grams, len(known_beforehand(known.fit.shared))
+    free = [k for k in range(TISSUE_SIZE + grams.n_added) if not 0 <= k - TISSUE_SIZE < laws]
+    theirs = solve(grams.total(), grams.ridge, free)[0][TISSUE_SIZE:]
+    forces_mn = (known.columns(j)[:, laws:] @ theirs for j in range(len(account.fit.trials)))
+    return _without(account.fit, forces_mn).with_population(1)
+
+
+def _without(fit: StudyFit, forces_mn: Iterable[FloatArray]) -> StudyFit:
+    """Return the fit to trials from whose force something was taken, (n_j,) mN each."""
     trials = []
-    for trial, force in zip(account.fit.trials, shape.force_mn, strict=True):
+    for trial, force in zip(fit.trials, forces_mn, strict=True):
         full = trial.full_force_mn - trial.at_samples(force)
         trials.append(replace(trial, force_mn=trial.force_mn - force, full_force_mn=full.astype(np.float32)))
-    return replace(account.fit, trials=tuple(trials))
+    return replace(fit, trials=tuple(trials))
 
 
 def _common(account: Account, bare: Account) -> Remainder:
@@ -154,7 +180,7 @@ def _common(account: Account, bare: Account) -> Remainder:
     same = bare.fit.noise == account.fit.noise
     here = account if same else account.at_noise(bare.fit.noise)
     left = shape_left(here).gain
-    own = own_evidence(here.fit)[0]
+    own = own_evidence(unexpected(here))[0]
     explained = max(here.gain_over(bare)[0], 0.0)
     # what the other noise gains by itself is nothing left over
     lost = min(here.gain_over(account)[0], 0.0)

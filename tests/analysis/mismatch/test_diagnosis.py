@@ -24,7 +24,9 @@ from analysis.mismatch.evidence.shares import even_shares
 from analysis.mismatch.fit.baseline import fit_baseline, noise_left
 from analysis.mismatch.fit.noise import FASTEST_SLOW_S
 from analysis.mismatch.fit.slow_noise import change_in_a_second
-from analysis.mismatch.levels import INEXACT
+from analysis.mismatch.levels import ENOUGH_OWN, INEXACT
+from analysis.mismatch.locate.remainder import unexpected
+from analysis.mismatch.locate.windows import own_evidence
 from analysis.mismatch.model.dictionary import templates
 from analysis.mismatch.name.event_scan import at_rest, candidate_times, within
 from analysis.mismatch.name.finding import weighed
@@ -183,6 +185,20 @@ def test_a_law_that_acts_a_little_late_is_expected_to(rubbing: Diagnosis) -> Non
     of_it = np.linalg.lstsq(columns, late, rcond=None)[0]
     assert np.linalg.norm(late - columns @ of_it) < 0.2 * np.linalg.norm(late)
     assert np.all(np.abs(of_it) < 0.3e-3 * trial.sample_rate_hz)
+
+
+@pytest.mark.parametrize("alike", [True, False], ids=["in all trials alike", "in every trial its own way"])
+def test_what_a_law_may_leave_in_all_trials_alike_is_no_evidence(rubbing: Diagnosis, *, alike: bool) -> None:
+    """A seventh more friction in the whole way back: what is left beside that is noise, if all trials agree on it."""
+    account = rubbing.improved.exact
+    trials = []
+    for j, trial in enumerate(account.fit.trials):
+        (effect,) = law_effects(account.fit, j)
+        share = 0.15 if alike else 0.15 * (-1) ** j
+        trials.append(replace(trial, force_mn=trial.force_mn + share * effect * trial.in_phase("retract")))
+    off = replace(account, fit=replace(account.fit, trials=tuple(trials)))
+    assert own_evidence(off.fit)[0] > ENOUGH_OWN
+    assert (own_evidence(unexpected(off))[0] > ENOUGH_OWN) is not alike
 
 
 def test_a_law_may_go_another_way_in_waves_by_a_third_of_what_it_is_off() -> None:

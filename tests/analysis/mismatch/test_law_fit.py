@@ -24,6 +24,7 @@ from analysis.mismatch.fit.law_fit import (
     parameter_scale,
     vector,
     with_room,
+    with_value,
 )
 from analysis.mismatch.fit.noise import NoiseModel
 from analysis.mismatch.fit.own import solved
@@ -97,6 +98,26 @@ def test_the_column_of_a_delay_is_its_difference(record: Callable[..., list[Tria
     late, later = (replace(fit.shared, laws=laws, delay_samples=d) for d in (0.9, 1.9))
     changed_mn = simulate(trial, state, later) - simulate(trial, state, late)
     np.testing.assert_allclose(law_columns(trial, state, late)[:, -1], changed_mn, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["power_law_relaxation", "third_relaxation", "poroelastic_drainage"])
+def test_what_tissue_leaves_of_a_column_is_a_derivative(
+    record: Callable[..., list[Trial]], name: str
+) -> None:
+    """Beside tissue, size and form of a relaxation trade: what tells them is a thousandth of what each changes."""
+    fit = fit_baseline(take_in_memory(record(47)).trials)
+    law = library()[name]
+    values = {**law.null, **law.typical}
+    shared = replace(fit.shared, laws=(Law(law, values, tuple(p.name for p in law.parameters)),))
+    columns = law_columns(fit.trials[0], fit.states[0], shared)
+    for k, p in enumerate(law.parameters):
+        h = 1e-4 * parameter_scale(p, values[p.name], values[p.name])
+        there, here = (
+            simulate(fit.trials[0], fit.states[0], with_value(shared, 0, p, p.to_fit(values[p.name]) + step))
+            for step in (h, -h)
+        )
+        both = fit.projectors[0](np.column_stack([columns[:, k], (there - here) / (2.0 * h)]))
+        assert np.linalg.norm(both[:, 0] - both[:, 1]) < 5e-5 * np.linalg.norm(both[:, 1]), p.name
 
 
 @pytest.mark.parametrize("law", [m for m in library().values() if m.form == "law"], ids=lambda m: m.name)

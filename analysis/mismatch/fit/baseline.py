@@ -99,7 +99,7 @@ def noise_of(fit: StudyFit) -> NoiseModel:
         noise = NoiseModel(max(float(np.median(white)), 1e-12))
     if tells_noise(fit.trials):
         return noise
-    slow = 2.0 * rate * sum(variance * time_s for variance, time_s in noise.parts)
+    slow = 2.0 * rate * sum(variance * time_s for variance, time_s in noise.exponentials)
     return NoiseModel(float(np.sqrt(noise.white_mn**2 + slow)))
 
 

@@ -15,9 +15,11 @@ from analysis.mismatch.levels import INEXACT
 
 FloatArray = NDArray[np.float64]
 
-CORRELATION_TIMES_S = (4e-4, 1.6e-3, 6.4e-3, 0.0256, 0.1024, 0.41)
+CORRELATION_TIMES_S = tuple(4e-4 * 4.0**k for k in range(6))
+SMOOTH_TIMES_S = tuple(4e-4 * 2.0**k for k in range(11))
+"""Noise through two filters falls so steeply that its corner has to be met."""
 TIMES_A_SEGMENT = 2.0
-FASTEST_SLOW_S = 0.41
+FASTEST_SLOW_S = CORRELATION_TIMES_S[-1]
 """Parts from here on are no matter of a spectrum: a hold is too short for them, and a tissue takes them up."""
 SLOW_S = 0.06
 """Parts from here on outlast what comes and goes in a ramp or a release."""
@@ -26,28 +28,64 @@ SEGMENT_S = 3.2
 
 @dataclass(frozen=True, slots=True)
 class NoiseModel:
-    """White noise of ``white_mn`` rms a sample, plus Ornstein-Uhlenbeck parts (variance mN^2, time s)."""
+    """White noise of ``white_mn`` rms a sample, plus parts (variance mN^2, time s) that went through filters.
+
+    ``parts`` went through one, as Ornstein-Uhlenbeck processes; ``smooth`` ones through two, the other's time half as
+    long, so that their spectrum falls as f^-4.
+    """
 
     white_mn: float
     parts: tuple[tuple[float, float], ...] = ()
+    smooth: tuple[tuple[float, float], ...] = ()
+
+    def __add__(self, other: NoiseModel) -> NoiseModel:
+        """Return the noise of both at once."""
+        white_mn = float(np.hypot(self.white_mn, other.white_mn))
+        return NoiseModel(white_mn, self.parts + other.parts, self.smooth + other.smooth)
+
+    @property
+    def exponentials(self) -> tuple[tuple[float, float], ...]:
+        """What its covariance is a sum of beside the white noise: variances (mN^2) and times (s).
+
+        Two filters of times t and t/2 leave twice the variance of t less that of t/2.
+        """
+        found: dict[float, float] = {}
+        doubled = ((2.0 * v, t) for v, t in self.smooth)
+        for v, t in (*self.parts, *doubled, *((-v, 0.5 * t) for v, t in self.smooth)):
+            found[t] = found.get(t, 0.0) + v
+        return tuple((v, t) for t, v in found.items() if v)
 
     @property
     def rms_mn(self) -> float:
         """Rms of a single sample, mN."""
-        return float(np.sqrt(self.white_mn**2 + sum(v for v, _ in self.parts)))
+        return float(np.sqrt(self.white_mn**2 + sum(v for v, _ in (*self.parts, *self.smooth))))
+
+    @property
+    def longest_s(self) -> float:
+        """The longest time of its parts, s."""
+        return max((t for _, t in (*self.parts, *self.smooth)), default=0.0)
 
     def quicker_than(self, time_s: float) -> NoiseModel:
         """Return the noise without its parts of such a time and slower ones."""
-        return NoiseModel(self.white_mn, tuple(part for part in self.parts if part[1] < time_s))
+        parts, smooth = (tuple(x for x in of_it if x[1] < time_s) for of_it in (self.parts, self.smooth))
+        return NoiseModel(self.white_mn, parts, smooth)
+
+    def slower_from(self, time_s: float) -> NoiseModel:
+        """Return its parts of such a time and slower ones."""
+        parts, smooth = (tuple(x for x in of_it if x[1] >= time_s) for of_it in (self.parts, self.smooth))
+        return NoiseModel(0.0, parts, smooth)
 
     def times(self, factor: float) -> NoiseModel:
         """Return noise of the same spectrum that is so much larger."""
-        return NoiseModel(factor * self.white_mn, tuple((factor**2 * v, t) for v, t in self.parts))
+        parts, smooth = (tuple((factor**2 * v, t) for v, t in of_it) for of_it in (self.parts, self.smooth))
+        return NoiseModel(factor * self.white_mn, parts, smooth)
 
     def power(self, frequency_hz: FloatArray, sample_rate_hz: float) -> FloatArray:
         """Return the one-sided power spectrum (F,) in mN^2/Hz."""
         white = np.full_like(frequency_hz, 2.0 * self.white_mn**2 / sample_rate_hz)
-        return white + sum(4.0 * v * t / (1.0 + (2 * np.pi * frequency_hz * t) ** 2) for v, t in self.parts)
+        return white + sum(
+            4.0 * v * t / (1.0 + (2 * np.pi * frequency_hz * t) ** 2) for v, t in self.exponentials
+        )
 
 
 def measure_noise(
@@ -74,10 +112,10 @@ def measure_noise(
     p = np.array([np.median(power[b]) for b in bands])
     f = np.array([np.mean(frequency[b]) for b in bands])
     p = np.maximum(p, 1e-12 * p.max())
-    taus = [t for t in CORRELATION_TIMES_S if 2.0 / sample_rate_hz < t <= segment_s / TIMES_A_SEGMENT]
-    shapes = [NoiseModel(1.0).power(f, sample_rate_hz)]
-    shapes += [NoiseModel(0.0, ((1.0, t),)).power(f, sample_rate_hz) for t in taus]
-    basis = np.column_stack(shapes)
+    shapes = [NoiseModel(0.0, ((1.0, t),)) for t in CORRELATION_TIMES_S]
+    shapes += [NoiseModel(0.0, (), ((1.0, t),)) for t in SMOOTH_TIMES_S]
+    shapes = [m for m in shapes if 2.0 / sample_rate_hz < m.longest_s <= segment_s / TIMES_A_SEGMENT]
+    basis = np.column_stack([m.power(f, sample_rate_hz) for m in (NoiseModel(1.0), *shapes)])
     # a band is known by as many values as it holds, and no noise is exactly such a sum
     counts = np.array([b.stop - b.start for b in bands]) * len(spectra)
     sure = 1.0 / np.sqrt(1.0 / counts + INEXACT**2)
@@ -91,7 +129,8 @@ def measure_noise(
         share = nnls(weighed / size, p * weight)[0] / size
         weight = sure / np.maximum(basis @ share, 0.7 * p)
     white = max(float(share[0]), 1e-3 * float(np.median(p)) * sample_rate_hz / 2.0)
-    parts = tuple(
-        (float(v), t) for v, t in zip(share[1:], taus, strict=True) if t < FASTEST_SLOW_S and v > 0.0
-    )
-    return NoiseModel(float(np.sqrt(white)), parts)
+    found = NoiseModel(float(np.sqrt(white)))
+    for of_shape, shape in zip(share[1:], shapes, strict=True):
+        if of_shape > 0.0:
+            found += shape.times(float(np.sqrt(of_shape)))
+    return found.quicker_than(FASTEST_SLOW_S)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-
 import numpy as np
 from scipy.optimize import minimize_scalar
 
@@ -26,21 +24,25 @@ OFFSET = 10.0
 NOTHING_GAINED = 1.0
 
 
-def change_in_a_second(parts: Iterable[tuple[float, float]]) -> float:
-    """Return how much Ornstein-Uhlenbeck parts (variance mN^2, time s) change in a second, rms mN."""
-    return float(np.sqrt(sum(-2.0 * variance * np.expm1(-1.0 / time_s) for variance, time_s in parts)))
+def change_in_a_second(noise: NoiseModel) -> float:
+    """Return how much the parts of a noise change in a second, rms mN."""
+    squares = sum(-2.0 * variance * np.expm1(-1.0 / time_s) for variance, time_s in noise.exponentials)
+    return float(np.sqrt(squares))
 
 
-def power_law(fast: NoiseModel, change_mn: float, exponent: float, longest_s: float) -> NoiseModel:
-    """Return the noise with slow parts of a power law that change by ``change_mn`` rms in a second."""
+def power_law(
+    fast: NoiseModel, change_mn: float, exponent: float, longest_s: float, *, smooth: bool = False
+) -> NoiseModel:
+    """Return the noise with slow parts of a power law that change by ``change_mn`` rms in a second.
+
+    ``smooth`` ones end above the quickest of them, as a band that is cut off does.
+    """
     times_s = [FASTEST_SLOW_S]
     while times_s[-1] < longest_s:
         times_s.append(times_s[-1] * LADDER)
-    shares = np.array(times_s) ** exponent
-    variances = (change_mn / change_in_a_second(zip(shares, times_s, strict=True))) ** 2 * shares
-    return NoiseModel(
-        fast.white_mn, (*fast.parts, *((float(v), t) for v, t in zip(variances, times_s, strict=True)))
-    )
+    parts = tuple((t**exponent, t) for t in times_s)
+    ladder = NoiseModel(0.0, (), parts) if smooth else NoiseModel(0.0, parts)
+    return fast + ladder.times(change_mn / change_in_a_second(ladder))
 
 
 def restricted_deviance(fit: StudyFit, noise: NoiseModel) -> float:
@@ -71,41 +73,57 @@ def with_slow_noise(fit: StudyFit, near: NoiseModel) -> StudyFit:
     if not tells_noise(fit.trials):
         return fit
     fast, longest_s = fit.noise, max(float(t.time_s[-1] - t.time_s[0]) for t in fit.trials)
-    slow = [part for part in near.parts if part[1] >= FASTEST_SLOW_S]
+    slow = near.slower_from(FASTEST_SLOW_S)
     nothing = restricted_deviance(fit, fast)
     least = (power_law(fast, SMALLEST * fast.white_mn, exponent, longest_s) for exponent in EXPONENTS)
-    if not slow and all(restricted_deviance(fit, noise) >= nothing for noise in least):
+    if not slow.exponentials and all(restricted_deviance(fit, noise) >= nothing for noise in least):
         # where the least of it is worse than nothing, more is
         return fit
-    first = EXPONENTS.index(_exponent(slow))
-    change_mn = change_in_a_second(slow) if slow else fit.left_mn
-    best, smallest = _likeliest(fit, EXPONENTS[first], change_mn, longest_s)
+    smooth = bool(slow.smooth)
+    change_mn = change_in_a_second(slow) if slow.exponentials else fit.left_mn
+    best, smallest = _of_kind(fit, _exponent(slow), change_mn, longest_s, smooth=smooth)
+    slow = best.slower_from(FASTEST_SLOW_S)
+    other, deviance = _of_kind(fit, _exponent(slow), change_in_a_second(slow), longest_s, smooth=not smooth)
+    if deviance < smallest:
+        best, smallest = other, deviance
+    return fit.weighed_by(best) if smallest < nothing - NOTHING_GAINED else fit
+
+
+def _of_kind(
+    fit: StudyFit, exponent: float, change_mn: float, longest_s: float, *, smooth: bool
+) -> tuple[NoiseModel, float]:
+    """Return the likeliest noise, smooth or not, and its deviance, looked for from an exponent and a size."""
+    first = EXPONENTS.index(exponent)
+    best, smallest = _likeliest(fit, exponent, change_mn, longest_s, smooth=smooth)
     for others in (EXPONENTS[:first][::-1], EXPONENTS[first + 1 :]):
-        for exponent in others:
-            change_mn = change_in_a_second(best.parts[len(fast.parts) :])
-            noise, deviance = _likeliest(fit, exponent, change_mn, longest_s)
+        for other in others:
+            change_mn = change_in_a_second(best.slower_from(FASTEST_SLOW_S))
+            noise, deviance = _likeliest(fit, other, change_mn, longest_s, smooth=smooth)
             if deviance >= smallest:
                 # the further from the likeliest exponent, the less likely
                 break
             best, smallest = noise, deviance
-    return fit.weighed_by(best) if smallest < nothing - NOTHING_GAINED else fit
+    return best, smallest
 
 
-def _exponent(slow: Sequence[tuple[float, float]]) -> float:
+def _exponent(slow: NoiseModel) -> float:
     """Return the exponent of slow parts of one power law; that of a random walk where there are none."""
-    if len(slow) < 2:
+    parts = slow.parts or slow.smooth
+    if len(parts) < 2:
         return EXPONENTS[-1]
-    (first, _), (second, _) = slow[:2]
+    (first, _), (second, _) = parts[:2]
     return min(EXPONENTS, key=lambda exponent: abs(exponent - np.log(second / first) / np.log(LADDER)))
 
 
-def _likeliest(fit: StudyFit, exponent: float, start_mn: float, longest_s: float) -> tuple[NoiseModel, float]:
+def _likeliest(
+    fit: StudyFit, exponent: float, start_mn: float, longest_s: float, *, smooth: bool
+) -> tuple[NoiseModel, float]:
     """Return the likeliest noise of one exponent, and its deviance, looked for from a size."""
     lower, upper = np.log([SMALLEST, LARGEST])
 
     def at(log_size: float) -> NoiseModel:
         change_mn = fit.noise.white_mn * float(np.exp(np.clip(log_size - OFFSET, lower, upper)))
-        return power_law(fit.noise, change_mn, exponent, longest_s)
+        return power_law(fit.noise, change_mn, exponent, longest_s, smooth=smooth)
 
     start = OFFSET + float(np.clip(np.log(max(start_mn / fit.noise.white_mn, 1e-9)), lower, upper))
     found = minimize_scalar(

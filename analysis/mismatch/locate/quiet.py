@@ -37,7 +37,7 @@ def out_of_contact(fit: StudyFit) -> Quiet:
     noise = fit.noise
     apart = [_apart(fit, j) for j in range(len(fit.trials))]
     kept = [a for a in apart if a is not None]
-    if not noise.parts or not kept:
+    if not noise.exponentials or not kept:
         return Quiet(noise, 0.0)
     away = replace(
         fit,
@@ -46,7 +46,8 @@ def out_of_contact(fit: StudyFit) -> Quiet:
         whiteners=fit.whiteners[: len(kept)],
         shared=replace(fit.shared, laws=()),
     )
-    tried = [NoiseModel(noise.white_mn, tuple((s * v, t) for v, t in noise.parts if s)) for s in SHARES]
+    white, others = NoiseModel(noise.white_mn), replace(noise, white_mn=0.0)
+    tried = [white + others.times(float(np.sqrt(s))) for s in SHARES]
     deviances = [restricted_deviance(away, n) for n in tried]
     best = int(np.argmin(deviances))
     return Quiet(tried[best], 0.5 * (deviances[0] - deviances[best]))

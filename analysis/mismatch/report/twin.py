@@ -75,8 +75,8 @@ def bench_settings(diagnosis: Diagnosis, report: Report) -> dict[str, Any]:
 
 def noise_settings(noise: NoiseModel, position_noise_mm: float | None) -> dict[str, float]:
     """Return the bench's noise for a noise model: white, quickly correlated, and slowly wandering parts."""
-    quick = noise.quicker_than(SLOW_S).parts
-    slow = [(v, t) for v, t in noise.parts if t >= SLOW_S]
+    quick = noise.quicker_than(SLOW_S).exponentials
+    slow = noise.slower_from(SLOW_S).exponentials
     fast_variance = noise.white_mn**2 + sum(v for v, _ in quick)
     settings = {
         "force_mn_rms": float(np.sqrt(fast_variance)),

@@ -240,9 +240,8 @@ def test_what_a_law_leaves_over_is_no_slow_noise(rubbing: Diagnosis) -> None:
         trials.append(replace(trial, force_mn=trial.force_mn + off, full_force_mn=full.astype(np.float32)))
     account = Account(replace(exact.fit, trials=tuple(trials))).reweighed()
     assert account.inexact
-    slow = [part for part in account.fit.noise.parts if part[1] >= FASTEST_SLOW_S]
-    assert change_in_a_second(slow) < 0.02
-    assert change_in_a_second(noise_left(account.exact.fit).parts) > 0.1
+    assert change_in_a_second(account.fit.noise.slower_from(FASTEST_SLOW_S)) < 0.02
+    assert change_in_a_second(noise_left(account.exact.fit)) > 0.1
 
 
 def test_steps_are_looked_for_at_rest_only(rubbing: Diagnosis) -> None:

@@ -2,11 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+from scipy.signal import lfilter, welch
 
 from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.fit.noise import FASTEST_SLOW_S, NoiseModel, measure_noise
@@ -43,15 +44,17 @@ def _covariance(cells: SimpleNamespace, noise: NoiseModel) -> np.ndarray:
     width_s = cells.widths_s
     t = (cells.time_s[:, None] + within * width_s[:, None]).ravel()
     lag = np.abs(t[:, None] - t)
-    every = sum(v * np.exp(-lag / tau) for v, tau in noise.parts)
+    every = sum(v * np.exp(-lag / tau) for v, tau in noise.exponentials)
     n = len(cells.time_s)
     return every.reshape(n, 32, n, 32).mean(axis=(1, 3)) + np.diag(noise.white_mn**2 / cells.counts)
 
 
-def test_whitening_is_the_inverse_cholesky_factor() -> None:
+@pytest.mark.parametrize("smoother", [0.0, 0.04], ids=["through one filter", "through two"])
+def test_whitening_is_the_inverse_cholesky_factor(smoother: float) -> None:
     cells = _cells(60)
     # quicker than a cell, about as long, and longer
-    noise = NoiseModel(0.3, ((0.05, 0.4), (0.02, 0.1), (0.03, 0.006), (0.04, 0.0016)))
+    parts = ((0.05, 0.4), (0.02, 0.1), (0.03, 0.006), (0.04, 0.0016))
+    noise = NoiseModel(0.3, parts, ((smoother, 0.02),))
     columns = np.random.default_rng(3).normal(size=(len(cells.time_s), 4))
     dense = np.linalg.solve(np.linalg.cholesky(_covariance(cells, noise)), columns)
     whitener = Whitener(cells, noise)
@@ -76,10 +79,29 @@ def test_spectrum_gives_the_noise_back(share: float) -> None:
         residuals.append(white + share * 0.3 * slow)
     found = measure_noise(residuals, 8000.0)
     # a quick part is as good as white
-    quick = sum(v for v, t in found.parts if t < 0.005)
+    quick = sum(v for v, t in found.exponentials if t < 0.005)
     assert np.sqrt(found.white_mn**2 + quick) == pytest.approx(0.3, rel=0.03)
-    slow_variance = sum(v for v, t in found.parts if t > 0.005)
+    slow_variance = sum(v for v, t in found.exponentials if t > 0.005)
     assert slow_variance == pytest.approx((share * 0.3) ** 2, rel=0.25, abs=2e-4)
+
+
+@pytest.mark.parametrize("tau_s", [0.0015, 0.006, 0.012, 0.03])
+def test_noise_through_two_filters_is_measured_as_smooth_as_it_is(tau_s: float) -> None:
+    """As a sum of parts that fall as f^-2 it was taken for twice as slow, and a pulse explained the rest of it."""
+    rng = np.random.default_rng(7)
+    rate, white_mn, smooth_mn = 8000.0, 0.12, 0.2
+    decay = float(np.exp(-1.0 / (rate * tau_s)))
+    residuals = []
+    for _ in range(20):
+        twice = lfilter([1.0], [1.0, -2.0 * decay, decay**2], rng.normal(size=72_000))[16_000:]
+        residuals.append(white_mn * rng.normal(size=56_000) + smooth_mn * twice / np.std(twice))
+    found = measure_noise(residuals, rate)
+    edges_hz = np.geomspace(0.9, 900.0, 16)
+    frequency_hz, measured = welch(np.array(residuals), rate, nperseg=25_600, detrend="linear")
+    for low, high in pairwise(edges_hz):
+        band = (frequency_hz >= low) & (frequency_hz < high)
+        of_noise = float(found.power(frequency_hz[band], rate).mean())
+        assert of_noise == pytest.approx(float(measured[:, band].mean()), rel=0.35), low
 
 
 def test_a_line_is_not_taken_for_noise() -> None:
@@ -128,31 +150,41 @@ def test_slow_noise_is_found_from_wherever_it_was_before(record: Callable[..., l
     fit = fit.weighed_by(fit.noise.quicker_than(FASTEST_SLOW_S))
     far = NoiseModel(fit.noise.white_mn, (((1e4 * fit.noise.white_mn) ** 2, 1.64),))
     found, from_nothing = (with_slow_noise(fit, near).noise for near in (far, fit.noise))
-    wander_mn = [change_in_a_second(noise.parts) for noise in (found, from_nothing)]
+    wander_mn = [change_in_a_second(noise) for noise in (found, from_nothing)]
     assert wander_mn == pytest.approx([0.0, 0.0], abs=0.2 * fit.noise.white_mn)
 
 
+@pytest.mark.parametrize("smooth", [False, True], ids=["through one filter", "through two"])
 @pytest.mark.parametrize("exponent", [None, *EXPONENTS])
 def test_slow_noise_is_the_likeliest_wherever_it_is_looked_for(
-    record: Callable[..., list[Trial]], exponent: float | None
+    record: Callable[..., list[Trial]], exponent: float | None, *, smooth: bool
 ) -> None:
     quiet = take_in_memory(record(61)).trials
     longest_s = max(float(t.time_s[-1]) for t in quiet)
-    white = NoiseModel(0.25)
-    slow = () if exponent is None else power_law(white, 0.25, exponent, longest_s).parts
+    slow = NoiseModel(1e-3)
+    if exponent is not None:
+        slow = power_law(slow, 0.25, exponent, longest_s, smooth=smooth)
     rng = np.random.default_rng(61)
-    drawn = [Whitener(t, NoiseModel(1e-3, slow)).drawn(rng) for t in quiet]
+    drawn = [Whitener(t, slow).drawn(rng) for t in quiet]
     fit = fit_baseline([replace(t, force_mn=t.force_mn + y) for t, y in zip(quiet, drawn, strict=True)])
     fit = fit.weighed_by(fast := fit.noise.quicker_than(FASTEST_SLOW_S))
-    grid = [power_law(fast, size, e, longest_s) for size in np.geomspace(0.01, 1.0, 20) for e in EXPONENTS]
+    grid = [
+        power_law(fast, size, e, longest_s, smooth=s)
+        for size in np.geomspace(0.01, 1.0, 20)
+        for e in EXPONENTS
+        for s in (False, True)
+    ]
     least = min(restricted_deviance(fit, noise) for noise in (fast, *grid))
-    for near in (
-        fast,
-        *(power_law(fast, size, e, longest_s) for size in (0.01, 0.2, 2.0) for e in EXPONENTS),
-    ):
+    starts = [
+        power_law(fast, size, e, longest_s, smooth=size == 0.2)
+        for size in (0.01, 0.2, 2.0)
+        for e in EXPONENTS
+    ]
+    for near in (fast, *starts):
         found = with_slow_noise(fit, near).noise
         assert restricted_deviance(fit, found) < least + 2.0
         if exponent is None:
             assert found == fast
         else:
-            assert change_in_a_second(found.parts[len(fast.parts) :]) == pytest.approx(0.25, rel=0.25)
+            changes = change_in_a_second(found.slower_from(FASTEST_SLOW_S))
+            assert changes == pytest.approx(0.25, rel=0.25)

@@ -59,7 +59,7 @@ def diagnose(intake: Intake, *, baseline: str = "ramp", seed: int = 0) -> Diagno
     found = (*ramp, *findings(named, before, lines))
     # confirm on trials that were not fitted, and look at what is left
     nothing = Account(fit)
-    remainder = remainder_of(named.account if named.account.names else nothing, nothing)
+    remainder = remainder_of(named.account, nothing)
     bursts = find_transients(nothing.fit) if named.account.names else remainder.bursts
     nameless = nameless_of(named.account, before, [f.name for f in found if not f.at_bound])
     trend = where_trend(remainder.trend)

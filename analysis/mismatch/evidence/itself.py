@@ -1,4 +1,4 @@
-"""Whether an effect is itself: more than what others are off by, and what the textbook says."""
+"""Whether an effect is itself: more than noise, more than what others are off by, and what the textbook says."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ import numpy as np
 
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.evidence.shares import even_shares
+from analysis.mismatch.fit.baseline import noise_left
 from analysis.mismatch.fit.law_fit import fit_laws
+from analysis.mismatch.fit.slow_noise import cut_off
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import (
     ENOUGH_SHARED,
@@ -19,6 +21,19 @@ from analysis.mismatch.levels import (
     SMALL_SHARE,
 )
 from analysis.simulation.mechanism import library
+
+
+def in_smooth_noise(account: Account) -> Account:
+    """Return the account beside slow noise that is cut off, as a wander in a band is, if it then predicts better.
+
+    Beside such noise what comes and goes slowly would hardly show: it is looked for without, and then asked whether it
+    is more than that.
+    """
+    noise = cut_off(account.fit.noise)
+    if noise == account.fit.noise:
+        return account
+    there = account.at_noise(noise)
+    return max(account, there.at_noise(noise_left(there.fit)), key=lambda a: a.nats)
 
 
 def off_by_a_third(account: Account, name: str) -> bool:

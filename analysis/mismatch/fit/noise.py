@@ -16,8 +16,8 @@ from analysis.mismatch.levels import INEXACT
 FloatArray = NDArray[np.float64]
 
 CORRELATION_TIMES_S = tuple(4e-4 * 4.0**k for k in range(6))
-SMOOTH_TIMES_S = tuple(4e-4 * 2.0**k for k in range(11))
-"""Noise through two filters falls so steeply that its corner has to be met."""
+SMOOTH_TIMES_S = tuple(4e-4 * 2.0**k for k in range(8))
+"""Noise through two filters falls so steeply that its corner has to be met; the other's time is half as long."""
 TIMES_A_SEGMENT = 2.0
 FASTEST_SLOW_S = CORRELATION_TIMES_S[-1]
 """Parts from here on are no matter of a spectrum: a hold is too short for them, and a tissue takes them up."""
@@ -28,15 +28,15 @@ SEGMENT_S = 3.2
 
 @dataclass(frozen=True, slots=True)
 class NoiseModel:
-    """White noise of ``white_mn`` rms a sample, plus parts (variance mN^2, time s) that went through filters.
+    """White noise of ``white_mn`` rms a sample, plus parts that went through filters (variance mN^2, time s).
 
-    ``parts`` went through one, as Ornstein-Uhlenbeck processes; ``smooth`` ones through two, the other's time half as
-    long, so that their spectrum falls as f^-4.
+    ``parts`` went through one, as Ornstein-Uhlenbeck processes; ``smooth`` ones through two (variance, time, the time
+    of the other, which is shorter), so that their spectrum falls as f^-4.
     """
 
     white_mn: float
     parts: tuple[tuple[float, float], ...] = ()
-    smooth: tuple[tuple[float, float], ...] = ()
+    smooth: tuple[tuple[float, float, float], ...] = ()
 
     def __add__(self, other: NoiseModel) -> NoiseModel:
         """Return the noise of both at once."""
@@ -47,37 +47,34 @@ class NoiseModel:
     def exponentials(self) -> tuple[tuple[float, float], ...]:
         """What its covariance is a sum of beside the white noise: variances (mN^2) and times (s).
 
-        Two filters of times t and t/2 leave twice the variance of t less that of t/2.
+        Two filters of times t and u leave (t exp(-|lag| / t) - u exp(-|lag| / u)) / (t - u).
         """
         found: dict[float, float] = {}
-        doubled = ((2.0 * v, t) for v, t in self.smooth)
-        for v, t in (*self.parts, *doubled, *((-v, 0.5 * t) for v, t in self.smooth)):
+        both = ((v / (t - u), t, u) for v, t, u in self.smooth)
+        of_both = (x for v, t, u in both for x in ((v * t, t), (-v * u, u)))
+        for v, t in (*self.parts, *of_both):
             found[t] = found.get(t, 0.0) + v
         return tuple((v, t) for t, v in found.items() if v)
 
     @property
     def rms_mn(self) -> float:
         """Rms of a single sample, mN."""
-        return float(np.sqrt(self.white_mn**2 + sum(v for v, _ in (*self.parts, *self.smooth))))
-
-    @property
-    def longest_s(self) -> float:
-        """The longest time of its parts, s."""
-        return max((t for _, t in (*self.parts, *self.smooth)), default=0.0)
+        return float(np.sqrt(self.white_mn**2 + sum(v for v, _ in self.exponentials)))
 
     def quicker_than(self, time_s: float) -> NoiseModel:
         """Return the noise without its parts of such a time and slower ones."""
-        parts, smooth = (tuple(x for x in of_it if x[1] < time_s) for of_it in (self.parts, self.smooth))
-        return NoiseModel(self.white_mn, parts, smooth)
+        parts, smooth = (p for p in self.parts if p[1] < time_s), (p for p in self.smooth if p[1] < time_s)
+        return NoiseModel(self.white_mn, tuple(parts), tuple(smooth))
 
     def slower_from(self, time_s: float) -> NoiseModel:
         """Return its parts of such a time and slower ones."""
-        parts, smooth = (tuple(x for x in of_it if x[1] >= time_s) for of_it in (self.parts, self.smooth))
-        return NoiseModel(0.0, parts, smooth)
+        parts, smooth = (p for p in self.parts if p[1] >= time_s), (p for p in self.smooth if p[1] >= time_s)
+        return NoiseModel(0.0, tuple(parts), tuple(smooth))
 
     def times(self, factor: float) -> NoiseModel:
         """Return noise of the same spectrum that is so much larger."""
-        parts, smooth = (tuple((factor**2 * v, t) for v, t in of_it) for of_it in (self.parts, self.smooth))
+        parts = tuple((factor**2 * v, t) for v, t in self.parts)
+        smooth = tuple((factor**2 * v, t, u) for v, t, u in self.smooth)
         return NoiseModel(factor * self.white_mn, parts, smooth)
 
     def power(self, frequency_hz: FloatArray, sample_rate_hz: float) -> FloatArray:
@@ -112,9 +109,9 @@ def measure_noise(
     p = np.array([np.median(power[b]) for b in bands])
     f = np.array([np.mean(frequency[b]) for b in bands])
     p = np.maximum(p, 1e-12 * p.max())
-    shapes = [NoiseModel(0.0, ((1.0, t),)) for t in CORRELATION_TIMES_S]
-    shapes += [NoiseModel(0.0, (), ((1.0, t),)) for t in SMOOTH_TIMES_S]
-    shapes = [m for m in shapes if 2.0 / sample_rate_hz < m.longest_s <= segment_s / TIMES_A_SEGMENT]
+    least_s, most_s = 2.0 / sample_rate_hz, segment_s / TIMES_A_SEGMENT
+    shapes = [NoiseModel(0.0, ((1.0, t),)) for t in CORRELATION_TIMES_S if least_s < t <= most_s]
+    shapes += [NoiseModel(0.0, (), ((1.0, t, 0.5 * t),)) for t in SMOOTH_TIMES_S if least_s < t <= most_s]
     basis = np.column_stack([m.power(f, sample_rate_hz) for m in (NoiseModel(1.0), *shapes)])
     # a band is known by as many values as it holds, and no noise is exactly such a sum
     counts = np.array([b.stop - b.start for b in bands]) * len(spectra)

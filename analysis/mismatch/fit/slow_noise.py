@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from analysis.mismatch.fit.noise import FASTEST_SLOW_S, NoiseModel
+from analysis.mismatch.fit.noise import FASTEST_SLOW_S, SMOOTH_TIMES_S, NoiseModel
 from analysis.mismatch.fit.own import from_mean, log_determinant, own_columns
 from analysis.mismatch.fit.study_fit import StudyFit, tells_noise
 from analysis.mismatch.fit.whitener import Whitener
@@ -15,6 +15,8 @@ LADDER = 4.0
 """Ratio of neighbouring times: a sum of Ornstein-Uhlenbeck parts so spaced is a power law within a few per cent."""
 EXPONENTS = (0.0, 0.5, 1.0)
 """How the variance of a part grows with its time: 0 is 1/f noise, 1 a random walk; electronics lie between."""
+CUT_S = SMOOTH_TIMES_S[-1]
+"""Time of the filter through which smooth slow noise went besides: the slowest that lets a breath and a pulse pass."""
 SMALLEST, LARGEST = 0.03, 60.0
 """Changes in a second that are tried, rms in units of the white noise of a sample."""
 FIRST_STEP, NEAR = 0.1, 0.05
@@ -35,13 +37,15 @@ def power_law(
 ) -> NoiseModel:
     """Return the noise with slow parts of a power law that change by ``change_mn`` rms in a second.
 
-    ``smooth`` ones end above the quickest of them, as a band that is cut off does.
+    ``smooth`` ones went through another filter, as a band that is cut off.
     """
     times_s = [FASTEST_SLOW_S]
     while times_s[-1] < longest_s:
         times_s.append(times_s[-1] * LADDER)
-    parts = tuple((t**exponent, t) for t in times_s)
-    ladder = NoiseModel(0.0, (), parts) if smooth else NoiseModel(0.0, parts)
+    if smooth:
+        ladder = NoiseModel(0.0, (), tuple((t**exponent, t, CUT_S) for t in times_s))
+    else:
+        ladder = NoiseModel(0.0, tuple((t**exponent, t) for t in times_s))
     return fast + ladder.times(change_mn / change_in_a_second(ladder))
 
 
@@ -67,7 +71,8 @@ def restricted_deviance(fit: StudyFit, noise: NoiseModel) -> float:
 def with_slow_noise(fit: StudyFit, near: NoiseModel) -> StudyFit:
     """Return the fit with as much slow noise, of one power law, as the trials themselves make most likely.
 
-    It is looked for about that of the noise ``near``, or about what the fit leaves where that has none.
+    It is looked for about that of the noise ``near``, smooth if that is, or about what the fit leaves where there is
+    none: what comes and goes slowly is as smooth as a smooth noise, and would pass for it.
     A wander slower than a hold can't be seen in a residual from which a tissue was fitted.
     """
     if not tells_noise(fit.trials):
@@ -79,14 +84,15 @@ def with_slow_noise(fit: StudyFit, near: NoiseModel) -> StudyFit:
     if not slow.exponentials and all(restricted_deviance(fit, noise) >= nothing for noise in least):
         # where the least of it is worse than nothing, more is
         return fit
-    smooth = bool(slow.smooth)
     change_mn = change_in_a_second(slow) if slow.exponentials else fit.left_mn
-    best, smallest = _of_kind(fit, _exponent(slow), change_mn, longest_s, smooth=smooth)
-    slow = best.slower_from(FASTEST_SLOW_S)
-    other, deviance = _of_kind(fit, _exponent(slow), change_in_a_second(slow), longest_s, smooth=not smooth)
-    if deviance < smallest:
-        best, smallest = other, deviance
+    best, smallest = _of_kind(fit, _exponent(slow), change_mn, longest_s, smooth=bool(slow.smooth))
     return fit.weighed_by(best) if smallest < nothing - NOTHING_GAINED else fit
+
+
+def cut_off(noise: NoiseModel) -> NoiseModel:
+    """Return the noise with its slow parts through another filter, too."""
+    fast, slow = noise.quicker_than(FASTEST_SLOW_S), noise.slower_from(FASTEST_SLOW_S)
+    return fast + NoiseModel(0.0, (), tuple((v, t, CUT_S) for v, t in slow.parts) + slow.smooth)
 
 
 def _of_kind(
@@ -108,10 +114,10 @@ def _of_kind(
 
 def _exponent(slow: NoiseModel) -> float:
     """Return the exponent of slow parts of one power law; that of a random walk where there are none."""
-    parts = slow.parts or slow.smooth
-    if len(parts) < 2:
+    variances = [v for v, *_ in slow.parts or slow.smooth]
+    if len(variances) < 2:
         return EXPONENTS[-1]
-    (first, _), (second, _) = parts[:2]
+    first, second = variances[:2]
     return min(EXPONENTS, key=lambda exponent: abs(exponent - np.log(second / first) / np.log(LADDER)))
 
 

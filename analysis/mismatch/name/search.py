@@ -7,7 +7,13 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 from analysis.mismatch.evidence.account import Account
-from analysis.mismatch.evidence.itself import brings_itself, explains_itself, frees, mends
+from analysis.mismatch.evidence.itself import (
+    brings_itself,
+    explains_itself,
+    frees,
+    in_smooth_noise,
+    mends,
+)
 from analysis.mismatch.evidence.left_over import LeftOver, left_over
 from analysis.mismatch.fit.arms import weakest_apart
 from analysis.mismatch.levels import (
@@ -61,13 +67,18 @@ def search(account: Account) -> Named:
             # it is not needed, or led nowhere
             account = max(account, before, key=lambda a: a.nats)
             break
+        smooth, enough = in_smooth_noise(before), ENOUGH_OWN if best.name in account.steps else ENOUGH_SHARED
+        if smooth is not before and account.nats < smooth.nats + enough:
+            # it is no more than noise
+            account = before
+            break
         if lead and not explained_beside(account, lead.name, start):
             # nor is it itself beside what it led to
             account = before
             break
     account, rivals, adds = one_for_two(account, start, rivals, adds)
     found = {name: rivals[name] for name in account.names}
-    return Named(told_apart(account, found), found, adds)
+    return Named(in_smooth_noise(told_apart(account, found)), found, adds)
 
 
 def next_step(

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter, welch
 
+from analysis.mismatch.evidence.account import Account
+from analysis.mismatch.evidence.itself import in_smooth_noise
 from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.fit.noise import FASTEST_SLOW_S, NoiseModel, measure_noise
 from analysis.mismatch.fit.slow_noise import (
@@ -18,7 +20,9 @@ from analysis.mismatch.fit.slow_noise import (
     restricted_deviance,
     with_slow_noise,
 )
+from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.fit.whitener import Whitener
+from analysis.mismatch.levels import ENOUGH_OWN
 from analysis.mismatch.study.intake import take_in_memory
 from analysis.recordings.trial import Trial
 from analysis.simulation.response import Steps
@@ -54,7 +58,7 @@ def test_whitening_is_the_inverse_cholesky_factor(smoother: float) -> None:
     cells = _cells(60)
     # quicker than a cell, about as long, and longer
     parts = ((0.05, 0.4), (0.02, 0.1), (0.03, 0.006), (0.04, 0.0016))
-    noise = NoiseModel(0.3, parts, ((smoother, 0.02),))
+    noise = NoiseModel(0.3, parts, ((smoother, 0.02, 0.008),))
     columns = np.random.default_rng(3).normal(size=(len(cells.time_s), 4))
     dense = np.linalg.solve(np.linalg.cholesky(_covariance(cells, noise)), columns)
     whitener = Whitener(cells, noise)
@@ -159,32 +163,43 @@ def test_slow_noise_is_found_from_wherever_it_was_before(record: Callable[..., l
 def test_slow_noise_is_the_likeliest_wherever_it_is_looked_for(
     record: Callable[..., list[Trial]], exponent: float | None, *, smooth: bool
 ) -> None:
-    quiet = take_in_memory(record(61)).trials
-    longest_s = max(float(t.time_s[-1]) for t in quiet)
-    slow = NoiseModel(1e-3)
-    if exponent is not None:
-        slow = power_law(slow, 0.25, exponent, longest_s, smooth=smooth)
-    rng = np.random.default_rng(61)
-    drawn = [Whitener(t, slow).drawn(rng) for t in quiet]
-    fit = fit_baseline([replace(t, force_mn=t.force_mn + y) for t, y in zip(quiet, drawn, strict=True)])
+    fit = _in_slow_noise(record, exponent, smooth=smooth)
     fit = fit.weighed_by(fast := fit.noise.quicker_than(FASTEST_SLOW_S))
-    grid = [
-        power_law(fast, size, e, longest_s, smooth=s)
-        for size in np.geomspace(0.01, 1.0, 20)
-        for e in EXPONENTS
-        for s in (False, True)
-    ]
+    longest_s = max(float(t.time_s[-1]) for t in fit.trials)
+    sizes_mn = np.geomspace(0.01, 1.0, 20)
+    grid = [power_law(fast, size, e, longest_s, smooth=smooth) for size in sizes_mn for e in EXPONENTS]
     least = min(restricted_deviance(fit, noise) for noise in (fast, *grid))
     starts = [
-        power_law(fast, size, e, longest_s, smooth=size == 0.2)
-        for size in (0.01, 0.2, 2.0)
-        for e in EXPONENTS
+        power_law(fast, size, e, longest_s, smooth=smooth) for size in (0.01, 0.2, 2.0) for e in EXPONENTS
     ]
-    for near in (fast, *starts):
+    for near in starts if smooth else (fast, *starts):
         found = with_slow_noise(fit, near).noise
         assert restricted_deviance(fit, found) < least + 2.0
         if exponent is None:
             assert found == fast
         else:
-            changes = change_in_a_second(found.slower_from(FASTEST_SLOW_S))
-            assert changes == pytest.approx(0.25, rel=0.25)
+            changes_mn = change_in_a_second(found.slower_from(FASTEST_SLOW_S))
+            assert changes_mn == pytest.approx(0.25, rel=0.25)
+
+
+@pytest.mark.parametrize("smooth", [False, True], ids=["through one filter", "through two"])
+def test_slow_noise_is_cut_off_where_it_is_likelier_so(
+    record: Callable[..., list[Trial]], *, smooth: bool
+) -> None:
+    account = Account(_in_slow_noise(record, 0.5, smooth=smooth))
+    assert change_in_a_second(account.fit.noise) > 0.1
+    found = in_smooth_noise(account)
+    assert bool(found.fit.noise.slower_from(FASTEST_SLOW_S).smooth) is smooth
+    assert found.nats > account.nats + ENOUGH_OWN if smooth else found is account
+
+
+def _in_slow_noise(record: Callable[..., list[Trial]], exponent: float | None, *, smooth: bool) -> StudyFit:
+    """Return the baseline of trials in which noise changes by 0.25 mN in a second, if at all."""
+    quiet = take_in_memory(record(61)).trials
+    slow = NoiseModel(1e-3)
+    if exponent is not None:
+        longest_s = max(float(t.time_s[-1]) for t in quiet)
+        slow = power_law(slow, 0.25, exponent, longest_s, smooth=smooth)
+    rng = np.random.default_rng(61)
+    drawn = [Whitener(t, slow).drawn(rng) for t in quiet]
+    return fit_baseline([replace(t, force_mn=t.force_mn + y) for t, y in zip(quiet, drawn, strict=True)])

@@ -620,6 +620,7 @@ def test_a_step_that_ends_worse_than_it_began_is_not_taken(monkeypatch: pytest.M
     monkeypatch.setattr(search, "pruned", lambda account, *_: (worse if account is both else account, {}))
     monkeypatch.setattr(search, "one_for_two", lambda account, start, rivals, adds: (account, rivals, adds))
     monkeypatch.setattr(search, "told_apart", lambda account, rivals: account)
+    monkeypatch.setattr(search, "in_smooth_noise", lambda account: account)
     assert search.search(NOTHING).account is slip
     assert not steps
 
@@ -657,9 +658,26 @@ def test_what_is_bent_by_another_that_is_missing_leads_to_it(
     monkeypatch.setattr(search, "begun_again", lambda account, name, nothing: account)
     monkeypatch.setattr(search, "pruned", lambda account, *_: (account, {}))
     monkeypatch.setattr(search, "told_apart", lambda account, rivals: account)
+    monkeypatch.setattr(search, "in_smooth_noise", lambda account: account)
     named = search.search(NOTHING)
     assert named.account is (both if itself else NOTHING)
     assert set(named.rivals) == set(both.names if itself else ())
+
+
+@pytest.mark.parametrize("noise", [870.0, 880.0], ids=["more than noise", "no more than noise"])
+def test_what_slow_noise_of_a_band_explains_is_not_named(
+    monkeypatch: pytest.MonkeyPatch, noise: float
+) -> None:
+    """What comes in each trial anew is to gain 25 nats over nothing in the likelier noise, not over any noise."""
+    slip = cast(Account, _Evidence(("slip",), {("slip",): 900.0}, steps=("slip",)))
+    smooth = cast(Account, _Evidence((), {(): noise}))
+    steps = {(): [Rival("slip", 900.0, 1.0, slip)], ("slip",): []}
+    monkeypatch.setattr(search, "weighed", lambda account, *_: steps[account.names])
+    monkeypatch.setattr(search, "begun_again", lambda account, name, nothing: account)
+    monkeypatch.setattr(search, "pruned", lambda account, *_: (account, {}))
+    monkeypatch.setattr(search, "told_apart", lambda account, rivals: account)
+    monkeypatch.setattr(search, "in_smooth_noise", lambda account: account if account.names else smooth)
+    assert search.search(NOTHING).account is (slip if noise < 875.0 else smooth)
 
 
 def test_laws_are_begun_again_beside_what_was_missing(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,7 +10,6 @@ from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.evidence.shares import even_shares
 from analysis.mismatch.fit.baseline import noise_left
 from analysis.mismatch.fit.law_fit import fit_laws
-from analysis.mismatch.fit.slow_noise import cut_off
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import (
     ENOUGH_SHARED,
@@ -24,16 +23,13 @@ from analysis.simulation.mechanism import library
 
 
 def in_smooth_noise(account: Account) -> Account:
-    """Return the account beside slow noise that is cut off, as a wander in a band is, if it then predicts better.
+    """Return the account beside noise that went through two filters, or within a band, if it then predicts better.
 
-    Beside such noise what comes and goes slowly would hardly show: it is looked for without, and then asked whether it
-    is more than that.
+    Beside such noise what comes and goes smoothly hardly shows: it is looked for without, and then asked whether it is
+    more than that.
     """
-    noise = cut_off(account.fit.noise)
-    if noise == account.fit.noise:
-        return account
-    there = account.at_noise(noise)
-    return max(account, there.at_noise(noise_left(there.fit)), key=lambda a: a.nats)
+    noise = noise_left(account.fit, may_be_smooth=True)
+    return max(account, account.at_noise(noise), key=lambda a: a.nats) if noise.smooth else account
 
 
 def off_by_a_third(account: Account, name: str) -> bool:

@@ -86,14 +86,14 @@ def _with_block(trial: CellTrial, state: TrialState) -> TrialState:
     return state.with_shapes([OwnShape("block", "block", np.zeros(0), known**2)])
 
 
-def noise_of(fit: StudyFit) -> NoiseModel:
+def noise_of(fit: StudyFit, *, may_be_smooth: bool = False) -> NoiseModel:
     """Return the noise from what differs between trials of one condition at rest, each after its own tissue.
 
     Where it can't be told from what laws leave over, all of it is weighed as if it were white.
     """
     rate = fit.trials[0].sample_rate_hz
     if sampled_alike(fit.trials):
-        noise = measure_noise(_at_rest(fit), rate)
+        noise = measure_noise(_at_rest(fit), rate, may_be_smooth=may_be_smooth)
     else:
         white = [sample_noise(fit.full_residual_mn(j)) for j in range(len(fit.trials))]
         noise = NoiseModel(max(float(np.median(white)), 1e-12))
@@ -130,13 +130,15 @@ def _at_rest(fit: StudyFit) -> list[FloatArray]:
     return stretches or [fit.full_residual_mn(j) for j in range(len(fit.trials))]
 
 
-def noise_left(fit: StudyFit) -> NoiseModel:
-    """Return the noise measured anew from what a fit leaves.
+def noise_left(fit: StudyFit, *, may_be_smooth: bool = False) -> NoiseModel:
+    """Return the noise measured anew from what a fit leaves, smooth if that may be, or if it was.
 
     Of one or two trials it is no smaller than that, whatever it is: what is quiet at rest would make a law's own
-    inexactness infinite.
+    inexactness infinite. Nor is it smooth there, as that is.
     """
-    fit = with_slow_noise(fit.weighed_by(noise_of(fit)), fit.noise)
+    may_be_smooth = (may_be_smooth or bool(fit.noise.smooth)) and tells_noise(fit.trials)
+    quick = noise_of(fit, may_be_smooth=may_be_smooth)
+    fit = with_slow_noise(fit.weighed_by(quick), fit.noise, smooth=may_be_smooth)
     if len(fit.trials) >= FEWEST_HELD_OUT:
         return fit.noise
     left = np.concatenate([w(fit.residual_mn(j)) for j, w in enumerate(fit.whiteners)])

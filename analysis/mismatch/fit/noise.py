@@ -86,7 +86,11 @@ class NoiseModel:
 
 
 def measure_noise(
-    residuals: Sequence[FloatArray], sample_rate_hz: float, segment_s: float = SEGMENT_S
+    residuals: Sequence[FloatArray],
+    sample_rate_hz: float,
+    segment_s: float = SEGMENT_S,
+    *,
+    may_be_smooth: bool = False,
 ) -> NoiseModel:
     """Return the noise model that fits the power spectrum of quiet stretches of residual (each (n_i,), mN).
 
@@ -111,7 +115,8 @@ def measure_noise(
     p = np.maximum(p, 1e-12 * p.max())
     least_s, most_s = 2.0 / sample_rate_hz, segment_s / TIMES_A_SEGMENT
     shapes = [NoiseModel(0.0, ((1.0, t),)) for t in CORRELATION_TIMES_S if least_s < t <= most_s]
-    shapes += [NoiseModel(0.0, (), ((1.0, t, 0.5 * t),)) for t in SMOOTH_TIMES_S if least_s < t <= most_s]
+    smooth_s = [t for t in SMOOTH_TIMES_S if may_be_smooth and least_s < t <= most_s]
+    shapes += [NoiseModel(0.0, (), ((1.0, t, 0.5 * t),)) for t in smooth_s]
     basis = np.column_stack([m.power(f, sample_rate_hz) for m in (NoiseModel(1.0), *shapes)])
     # a band is known by as many values as it holds, and no noise is exactly such a sum
     counts = np.array([b.stop - b.start for b in bands]) * len(spectra)

@@ -68,11 +68,11 @@ def restricted_deviance(fit: StudyFit, noise: NoiseModel) -> float:
     return deviance - float(b @ np.linalg.lstsq(A, b, rcond=None)[0])
 
 
-def with_slow_noise(fit: StudyFit, near: NoiseModel) -> StudyFit:
+def with_slow_noise(fit: StudyFit, near: NoiseModel, *, smooth: bool = False) -> StudyFit:
     """Return the fit with as much slow noise, of one power law, as the trials themselves make most likely.
 
-    It is looked for about that of the noise ``near``, smooth if that is, or about what the fit leaves where there is
-    none: what comes and goes slowly is as smooth as a smooth noise, and would pass for it.
+    It is looked for about that of the noise ``near``, or about what the fit leaves where that has none; ``smooth``
+    noise went through another filter, too.
     A wander slower than a hold can't be seen in a residual from which a tissue was fitted.
     """
     if not tells_noise(fit.trials):
@@ -85,14 +85,8 @@ def with_slow_noise(fit: StudyFit, near: NoiseModel) -> StudyFit:
         # where the least of it is worse than nothing, more is
         return fit
     change_mn = change_in_a_second(slow) if slow.exponentials else fit.left_mn
-    best, smallest = _of_kind(fit, _exponent(slow), change_mn, longest_s, smooth=bool(slow.smooth))
+    best, smallest = _of_kind(fit, _exponent(slow), change_mn, longest_s, smooth=smooth)
     return fit.weighed_by(best) if smallest < nothing - NOTHING_GAINED else fit
-
-
-def cut_off(noise: NoiseModel) -> NoiseModel:
-    """Return the noise with its slow parts through another filter, too."""
-    fast, slow = noise.quicker_than(FASTEST_SLOW_S), noise.slower_from(FASTEST_SLOW_S)
-    return fast + NoiseModel(0.0, (), tuple((v, t, CUT_S) for v, t in slow.parts) + slow.smooth)
 
 
 def _of_kind(

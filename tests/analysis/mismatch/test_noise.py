@@ -99,7 +99,7 @@ def test_noise_through_two_filters_is_measured_as_smooth_as_it_is(tau_s: float) 
     for _ in range(20):
         twice = lfilter([1.0], [1.0, -2.0 * decay, decay**2], rng.normal(size=72_000))[16_000:]
         residuals.append(white_mn * rng.normal(size=56_000) + smooth_mn * twice / np.std(twice))
-    found = measure_noise(residuals, rate)
+    found = measure_noise(residuals, rate, may_be_smooth=True)
     edges_hz = np.geomspace(0.9, 900.0, 16)
     frequency_hz, measured = welch(np.array(residuals), rate, nperseg=25_600, detrend="linear")
     for low, high in pairwise(edges_hz):
@@ -172,8 +172,8 @@ def test_slow_noise_is_the_likeliest_wherever_it_is_looked_for(
     starts = [
         power_law(fast, size, e, longest_s, smooth=smooth) for size in (0.01, 0.2, 2.0) for e in EXPONENTS
     ]
-    for near in starts if smooth else (fast, *starts):
-        found = with_slow_noise(fit, near).noise
+    for near in (fast, *starts):
+        found = with_slow_noise(fit, near, smooth=smooth).noise
         assert restricted_deviance(fit, found) < least + 2.0
         if exponent is None:
             assert found == fast

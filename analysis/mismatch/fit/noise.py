@@ -96,7 +96,7 @@ def measure_noise(
 
     The spectrum's median over logarithmic bands is fitted, so that single lines (hum, pulse) do not count as noise,
     and each stretch's median over segments, so that one step in it does not. Slow parts are fitted beside the others
-    and left out: `slow_noise` finds them.
+    and left out: `slow_noise` finds them. Those through two filters are among them only if noise ``may_be_smooth``.
     """
     shortest = max(16, min(len(r) for r in residuals))
     length = prev_fast_len(min(round(segment_s * sample_rate_hz), shortest), real=True)

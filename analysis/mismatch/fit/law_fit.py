@@ -29,8 +29,8 @@ DELAY_SAMPLES = 1.0
 """How well two channels are at one, samples: a sample or so of skew is no lag of the sensor."""
 MOST_DELAY_SAMPLES = 3.0
 """More of it is none of two converters, however much the recordings ask for it: an inertia looks like a delay."""
-STEP = 1e-4
-"""Of a finite difference, as of the tissue: where both trade, what tells them is a thousandth of what each changes."""
+STEP = 1e-5
+"""Of a finite difference: where laws and tissue trade, what tells them is a thousandth of what each changes."""
 ROUNDS = 10
 DONE = 0.3
 """Chi2 that a step must gain, by noise as large as what is left: weighed by less, much gains little."""

@@ -134,7 +134,7 @@ def noise_left(fit: StudyFit, *, may_be_smooth: bool = False) -> NoiseModel:
     """Return the noise measured anew from what a fit leaves, smooth if that may be, or if it was.
 
     Of one or two trials it is no smaller than that, whatever it is: what is quiet at rest would make a law's own
-    inexactness infinite. Nor is it smooth there, as that is.
+    inexactness infinite. What laws leave over is smooth: where noise can't be told from that, it is not.
     """
     may_be_smooth = (may_be_smooth or bool(fit.noise.smooth)) and tells_noise(fit.trials)
     quick = noise_of(fit, may_be_smooth=may_be_smooth)

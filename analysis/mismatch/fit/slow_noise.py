@@ -85,25 +85,17 @@ def with_slow_noise(fit: StudyFit, near: NoiseModel, *, smooth: bool = False) ->
         # where the least of it is worse than nothing, more is
         return fit
     change_mn = change_in_a_second(slow) if slow.exponentials else fit.left_mn
-    best, smallest = _of_kind(fit, _exponent(slow), change_mn, longest_s, smooth=smooth)
-    return fit.weighed_by(best) if smallest < nothing - NOTHING_GAINED else fit
-
-
-def _of_kind(
-    fit: StudyFit, exponent: float, change_mn: float, longest_s: float, *, smooth: bool
-) -> tuple[NoiseModel, float]:
-    """Return the likeliest noise, smooth or not, and its deviance, looked for from an exponent and a size."""
-    first = EXPONENTS.index(exponent)
-    best, smallest = _likeliest(fit, exponent, change_mn, longest_s, smooth=smooth)
+    first = EXPONENTS.index(_exponent(slow))
+    best, smallest = _likeliest(fit, EXPONENTS[first], change_mn, longest_s, smooth=smooth)
     for others in (EXPONENTS[:first][::-1], EXPONENTS[first + 1 :]):
-        for other in others:
+        for exponent in others:
             change_mn = change_in_a_second(best.slower_from(FASTEST_SLOW_S))
-            noise, deviance = _likeliest(fit, other, change_mn, longest_s, smooth=smooth)
+            noise, deviance = _likeliest(fit, exponent, change_mn, longest_s, smooth=smooth)
             if deviance >= smallest:
                 # the further from the likeliest exponent, the less likely
                 break
             best, smallest = noise, deviance
-    return best, smallest
+    return fit.weighed_by(best) if smallest < nothing - NOTHING_GAINED else fit
 
 
 def _exponent(slow: NoiseModel) -> float:

@@ -128,14 +128,15 @@ class Whitener:
         self._trial, self._noise, self._rhythms = trial, noise, tuple(rhythms)
         self._time_s = np.ascontiguousarray(trial.time_s)
         counts = trial.counts[use]
-        if not noise.exponentials and not rhythms:
+        exponentials = noise.exponentials
+        if not exponentials and not rhythms:
             self._scale = np.sqrt(counts) / noise.white_mn
             self._factor = None
             self.log_determinant = -2.0 * float(np.log(self._scale).sum())
             return
         # the mean of a cell of width w, u = w/tau: its variance is 2 v (u - 1 + e^-u) / u^2, and two cells' covariance
         # that between their centres times sinh(u/2) / (u/2) of each
-        variance, tau_s = np.array(noise.exponentials).reshape(-1, 2).T
+        variance, tau_s = np.array(exponentials).reshape(-1, 2).T
         # cells come in few lengths, and so do the times between them
         widths_s, of_cell = trial.fitted_widths_s
         u = widths_s[:, None] / tau_s

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.gram import solve
-from analysis.mismatch.fit.law_fit import known_beforehand
+from analysis.mismatch.fit.law_fit import vector
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import ENOUGH_OWN, SMALL_SHARE
 from analysis.mismatch.locate.outliers import find_outliers
@@ -159,8 +159,8 @@ def unexpected(account: Account) -> StudyFit:
     known = account.as_off
     if not known.may_be_off:
         return account.fit
-    grams, laws = known.grams, len(known_beforehand(known.fit.shared))
-    free = [k for k in range(TISSUE_SIZE + grams.n_added) if not 0 <= k - TISSUE_SIZE < laws]
+    grams, laws = known.grams, len(vector(known.fit.shared))
+    free = [*range(TISSUE_SIZE), *range(TISSUE_SIZE + laws, TISSUE_SIZE + grams.n_added)]
     theirs = solve(grams.total(), grams.ridge, free)[0][TISSUE_SIZE:]
     forces_mn = (known.columns(j)[:, laws:] @ theirs for j in range(len(account.fit.trials)))
     return _without(account.fit, forces_mn).with_population(1)

@@ -67,8 +67,8 @@ def search(account: Account) -> Named:
             # it is not needed, or led nowhere
             account = max(account, before, key=lambda a: a.nats)
             break
-        smooth, enough = in_smooth_noise(before), ENOUGH_OWN if best.name in account.steps else ENOUGH_SHARED
-        if smooth is not before and account.nats < smooth.nats + enough:
+        smooth = in_smooth_noise(before)
+        if smooth is not before and account.nats < smooth.nats + enough_for(best.name, account):
             # it is no more than noise
             account = before
             break
@@ -104,8 +104,13 @@ def explained_beside(account: Account, name: str, nothing: Account) -> bool:
         return False
     without = account.without(name).reweighed()
     left = left_over(without, without.gain_over(nothing)[0], {})
-    enough = ENOUGH_OWN if name in account.steps else ENOUGH_SHARED
+    enough = enough_for(name, account)
     return any(r.itself for r in as_rival(name, account, without, nothing, enough, left))
+
+
+def enough_for(name: str, account: Account) -> float:
+    """Return the nats that an effect of an account is to gain: those of a law, or of what comes in each trial anew."""
+    return ENOUGH_OWN if name in account.steps else ENOUGH_SHARED
 
 
 def one_for_two(
@@ -276,7 +281,7 @@ def pruned(account: Account, newest: Rival, nothing: Account) -> tuple[Account, 
         if len(account.names) < 2:
             break
         without, anew = account.without(name).reweighed(), name in account.steps
-        enough = ENOUGH_OWN if anew else ENOUGH_SHARED
+        enough = enough_for(name, account)
         if account.gain_over(without)[0] < enough / INEXACT:
             without = without.settled()
         # led astray by what is missing, the others may predict worse than nothing

@@ -290,6 +290,9 @@ def test_names_that_explain_less_than_is_left_are_not_said(rubbing: Diagnosis) -
     assert kept_findings(replace(rubbing, nameless=replace(rubbing.nameless, share=0.2))) == ()
     # right to a third: what the law gains by being granted to be off it does not explain
     assert kept_findings(replace(rubbing, remainder=replace(rubbing.remainder, inexact=0.2))) == ()
+    pinned = replace(rubbing, findings=tuple(replace(f, at_bound=True) for f in rubbing.findings))
+    assert _report(pinned).verdict == "unknown"
+    assert any("limit of its range" in note for note in _report(pinned).notes)
 
 
 def test_what_ended_at_a_bound_counts_as_what_has_no_name(

@@ -91,7 +91,7 @@ def test_spectrum_gives_the_noise_back(share: float) -> None:
 
 @pytest.mark.parametrize("tau_s", [0.0015, 0.006, 0.012, 0.03])
 def test_noise_through_two_filters_is_measured_as_smooth_as_it_is(tau_s: float) -> None:
-    """As a sum of parts that fall as f^-2 it was taken for twice as slow, and a pulse explained the rest of it."""
+    """As a sum of parts that fall as f^-2 it was half or twice of what it is, and a pulse explained the rest of it."""
     rng = np.random.default_rng(7)
     rate, white_mn, smooth_mn = 8000.0, 0.12, 0.2
     decay = float(np.exp(-1.0 / (rate * tau_s)))

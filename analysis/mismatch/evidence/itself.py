@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.evidence.shares import even_shares
 from analysis.mismatch.fit.baseline import noise_left
-from analysis.mismatch.fit.law_fit import fit_laws
+from analysis.mismatch.fit.law_fit import fit_laws, near_textbook, with_value
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import (
     ENOUGH_SHARED,
@@ -20,6 +21,9 @@ from analysis.mismatch.levels import (
     SMALL_SHARE,
 )
 from analysis.simulation.mechanism import library
+
+OTHER_SIZES = (2.0**0.5, 0.5**0.5)
+"""Times its size, where a law in its textbook's form is looked for besides: an event's own slope reaches one cell."""
 
 
 def in_smooth_noise(account: Account) -> Account:
@@ -81,7 +85,7 @@ def mends(account: Account, before: Account, nothing: Account, gain: float) -> b
 
 
 def brings_itself(account: Account, name: str) -> bool:
-    """Return whether an effect gains what it does as the textbook has it: half without what it may do besides.
+    """Return whether an effect gains what it does nearly as the textbook has it: half without what it may do besides.
 
     A drop of a fifth of a millinewton and much that goes on after it is no slip, and what rings long after an arm is
     struck is no arm's mass. What has no name has no textbook either.
@@ -90,20 +94,32 @@ def brings_itself(account: Account, name: str) -> bool:
     textbook = as_textbook(exact.fit, name)
     if textbook is exact.fit or name not in library():
         return True
-    nothing, itself, whole = (fit_laws(fit).cost for fit in (exact.stripped(name).fit, textbook, exact.fit))
-    return nothing - itself >= KEPT * (nothing - whole)
+    nothing, whole = (fit_laws(fit).cost for fit in (exact.stripped(name).fit, exact.fit))
+    asked = KEPT * (nothing - whole)
+    return any(nothing - fit_laws(fit).cost >= asked for fit in of_sizes(textbook, name))
+
+
+def of_sizes(fit: StudyFit, name: str) -> Iterator[StudyFit]:
+    """Yield the fit, and then with one of its laws larger and smaller: to where an event is no slope leads."""
+    yield fit
+    for at, law in enumerate(fit.shared.laws):
+        if law.name == name:
+            sizes = (times * law.values[law.size.name] for times in OTHER_SIZES)
+            shared = (with_value(fit.shared, at, law.size, law.size.to_fit(size)) for size in sizes)
+            yield from (replace(fit, shared=s) for s in shared)
 
 
 def as_textbook(fit: StudyFit, name: str) -> StudyFit:
-    """Return the fit without what one of its effects may do besides its textbook's form; itself where it does nothing.
+    """Return the fit with one of its effects nearly in its textbook's form; itself where it does nothing besides.
 
     What differs from site to site is the skin's, in the textbook too.
     """
-    laws = tuple(law.textbook if law.name == name else law for law in fit.shared.laws)
+    laws = tuple(near_textbook(law) if law.name == name else law for law in fit.shared.laws)
     states = tuple(
         s.with_only([k for k, x in enumerate(s.shapes) if x.effect != name or not x.kind or x.is_number])
         for s in fit.states
     )
-    if laws == fit.shared.laws and all(new is old for new, old in zip(states, fit.states, strict=True)):
+    same = all(new.values == old.values for new, old in zip(laws, fit.shared.laws, strict=True))
+    if same and all(new is old for new, old in zip(states, fit.states, strict=True)):
         return fit
     return replace(fit, shared=replace(fit.shared, laws=laws), states=states)

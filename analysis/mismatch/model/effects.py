@@ -56,15 +56,6 @@ class Law:
         return tuple(p for p in self.parameters if p.name in self.mechanism.of_site)
 
     @property
-    def textbook(self) -> Law:
-        """The law in its textbook's form, which is not fitted; itself where it has no other."""
-        inner = {p.name for p in self.parameters if p.inner}
-        if not inner:
-            return self
-        values = {**self.values, **{name: self.mechanism.null[name] for name in inner}}
-        return replace(self, values=values, free=tuple(name for name in self.free if name not in inner))
-
-    @property
     def is_nothing(self) -> bool:
         """Whether the effect has no size: nothing follows from its being there."""
         p = self.size

@@ -11,6 +11,7 @@ from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.evidence.shares import even_shares
 from analysis.mismatch.fit.baseline import noise_left
 from analysis.mismatch.fit.law_fit import fit_laws, near_textbook, with_value
+from analysis.mismatch.fit.noise import FASTEST_SLOW_S
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import (
     ENOUGH_SHARED,
@@ -34,6 +35,15 @@ def in_smooth_noise(account: Account) -> Account:
     """
     noise = noise_left(account.fit, may_be_smooth=True)
     return max(account, account.at_noise(noise), key=lambda a: a.nats) if noise.smooth else account
+
+
+def beside_quick_noise(account: Account, of: Account) -> Account:
+    """Return the account beside the quick part of another's noise, if it then predicts better.
+
+    Slow noise of another kind than what an effect was found beside may be that effect.
+    """
+    noise = of.fit.noise.quicker_than(FASTEST_SLOW_S) + account.fit.noise.slower_from(FASTEST_SLOW_S)
+    return max(account, account.at_noise(noise), key=lambda a: a.nats)
 
 
 def off_by_a_third(account: Account, name: str) -> bool:

@@ -8,6 +8,7 @@ from itertools import combinations
 
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.evidence.itself import (
+    beside_quick_noise,
     brings_itself,
     explains_itself,
     frees,
@@ -68,7 +69,8 @@ def search(account: Account) -> Named:
             account = max(account, before, key=lambda a: a.nats)
             break
         smooth = in_smooth_noise(before)
-        if smooth is not before and account.nats < smooth.nats + enough_for(best.name, account):
+        enough = smooth.nats + enough_for(best.name, account)
+        if smooth is not before and beside_quick_noise(account, smooth).nats < enough:
             # it is no more than noise
             account = before
             break

@@ -10,7 +10,7 @@ import pytest
 from scipy.signal import lfilter, welch
 
 from analysis.mismatch.evidence.account import Account
-from analysis.mismatch.evidence.itself import in_smooth_noise
+from analysis.mismatch.evidence.itself import beside_quick_noise, in_smooth_noise
 from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.fit.noise import FASTEST_SLOW_S, NoiseModel, measure_noise
 from analysis.mismatch.fit.slow_noise import (
@@ -191,6 +191,9 @@ def test_slow_noise_is_cut_off_where_it_is_likelier_so(
     found = in_smooth_noise(account)
     assert bool(found.fit.noise.slower_from(FASTEST_SLOW_S).smooth) is smooth
     assert found.nats > account.nats + ENOUGH_OWN if smooth else found is account
+    # an effect is weighed beside the quick part of it: the slow part may be the effect
+    beside = beside_quick_noise(account, found).fit.noise
+    assert beside.slower_from(FASTEST_SLOW_S) == account.fit.noise.slower_from(FASTEST_SLOW_S)
 
 
 def _in_slow_noise(record: Callable[..., list[Trial]], exponent: float | None, *, smooth: bool) -> StudyFit:

@@ -6,6 +6,7 @@ from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import label, maximum, median_filter
 from scipy.signal import oaconvolve
 from scipy.signal.windows import gaussian
 
@@ -16,6 +17,12 @@ NOISE_ORDER = 4
 REACH = 5.0
 ENDS = 4.0
 """Widths at which a Gaussian is cut off: beyond lies less than a ten thousandth of it."""
+AGREE = 2.0
+"""Standard errors within which two smoothed positions are taken for one."""
+NEIGHBOURS = 5
+"""Samples of which the middle width is taken."""
+LEAST_NOISE = 1e-12
+"""Of a position without any, mm."""
 WIDEST_SHARE = 0.02
 """Of a recording: a wider Gaussian would see its ends everywhere."""
 
@@ -93,6 +100,56 @@ def width_for_rest(position: FloatArray, counts: FloatArray, least_samples: floa
             best, smallest = width, risk
         width *= 2.0
     return best
+
+
+def smoothed_as_it_bears(position: FloatArray, widest_samples: float) -> FloatArray:
+    """Return a position (N,) smoothed over as much about every sample as it bears, and its velocity, a sample: (2, N).
+
+    Of widths of a Gaussian that double the widest is looked for whose result agrees with those of all smaller ones,
+    intervals of two standard errors having a point in common: it ends where a motion turns, for a velocity elsewhere
+    than for a position (intersection of confidence intervals: Goldenshluger and Nemirovski, Math. Methods Stat. 6:135,
+    1997). Half of it is taken: noise averages out over a fit, what smoothing takes away does not. A velocity that is
+    no more than its noise is none, as in `steady_velocity`.
+
+    At rest ``widest_samples`` are to be many: what stays of noise there, a dashpot and a delay together smooth away.
+    """
+    noise = sample_noise(position)
+    rows, errors, width = [position], [[1.0, float(np.sqrt(0.5))]], WIDTHS_SAMPLES[0]
+    while width <= 2.0 * widest_samples:
+        kernel = _kernel(width)
+        rows.append(smoothed(position, width))
+        errors.append([float(np.linalg.norm(x)) for x in (kernel, np.gradient(kernel))])
+        width *= 2.0
+    positions = np.array(rows)
+    of_position, of_velocity = noise * np.array(errors).T
+    found, _ = _widest_that_agree(positions, of_position)
+    velocity, error = _widest_that_agree(np.gradient(positions, axis=1), of_velocity)
+    return np.array([found, np.where(_moves(velocity, error), velocity, 0.0)])
+
+
+def _moves(velocity: FloatArray, error: FloatArray) -> NDArray[np.bool_]:
+    """Return where velocities (N,) of some standard errors (N,) are a motion: two of them, more than noise somewhere.
+
+    More than noise is what is beyond the universal threshold; a stretch of motion begins and ends below that
+    (hysteresis: Canny, IEEE Trans. Pattern Anal. 8:679, 1986).
+    """
+    errors = np.abs(velocity) / np.maximum(error, LEAST_NOISE)
+    stretches, n = label(errors > AGREE)
+    most = maximum(errors, stretches, np.arange(1, n + 1))
+    return np.asarray(np.append(0.0, most)[stretches] > np.sqrt(2.0 * np.log(len(velocity))))
+
+
+def _widest_that_agree(rows: FloatArray, errors: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return of rows (W, N), ever more smoothed, one before the last that agrees at every sample, and its error (N,).
+
+    ``errors`` (W,) are the rows' standard ones.
+    """
+    half_widths = AGREE * errors[:, None]
+    lower, upper = np.maximum.accumulate(rows - half_widths), np.minimum.accumulate(rows + half_widths)
+    # one sample far off is no turn
+    agree = median_filter(np.count_nonzero(lower <= upper, axis=0), NEIGHBOURS)
+    half = np.maximum(agree - 2, 0)
+    return np.take_along_axis(rows, half[None], axis=0)[0], errors[half]
 
 
 def steady_velocity(position: FloatArray, width_samples: float) -> FloatArray:

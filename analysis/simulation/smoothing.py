@@ -144,11 +144,12 @@ def _widest_that_agree(rows: FloatArray, errors: FloatArray) -> tuple[FloatArray
 
     ``errors`` (W,) are the rows' standard ones.
     """
-    half_widths = AGREE * errors[:, None]
-    lower, upper = np.maximum.accumulate(rows - half_widths), np.minimum.accumulate(rows + half_widths)
+    lower, upper, agree = -np.inf, np.inf, np.zeros(rows.shape[1], dtype=np.int64)
+    for row, error in zip(rows, errors, strict=True):
+        lower, upper = np.maximum(lower, row - AGREE * error), np.minimum(upper, row + AGREE * error)
+        agree += lower <= upper
     # one sample far off is no turn
-    agree = median_filter(np.count_nonzero(lower <= upper, axis=0), NEIGHBOURS)
-    half = np.maximum(agree - 2, 0)
+    half = np.maximum(median_filter(agree, NEIGHBOURS) - 2, 0)
     return np.take_along_axis(rows, half[None], axis=0)[0], errors[half]
 
 

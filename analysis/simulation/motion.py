@@ -199,32 +199,16 @@ def estimate_motion(trial: Trial, servo: FoundServo = NOMINAL_SERVO) -> Motion:
         shake = np.column_stack([before, before + servo.of_steps[0] ** 2 * np.diff(lines, prepend=lines[0])])
     else:
         base, v, a = np.zeros_like(recorded), np.zeros_like(recorded), np.zeros_like(recorded)
-    if trial.command_mm is not None and not _servo_explains(recorded, base):
+    if trial.command_mm is None:
+        smooth, rest_v, rest_a = _without_command(recorded, _near(kinks, len(recorded), rate), rate)
+    elif _servo_explains(recorded, base):
+        smooth, rest_v, rest_a = _beside_servo(recorded - base, _near(kinks, len(recorded), rate), rate)
+    else:
         # a drive that is no such servo: its answer would add accelerations that never were
         base, v, a = (np.zeros_like(recorded) for _ in range(3))
         shake = np.zeros_like(shake)
-        unknown = smoothed(recorded, width_for_acceleration(recorded))
-    else:
-        unknown = None
-    rest = recorded - base
-    near = np.zeros(len(rest))
-    half = max(1, round(NEAR_KINK_S * rate))
-    for k in kinks:
-        near[max(0, k - half) : k + half] = 1.0
-    near = gaussian_filter1d(near, max(1.0, half / 4))
-    fast = smoothed(rest, width_for_rest(rest, near, max(0.3, FAST_SMOOTHING_S * rate)))
-    slow = smoothed(rest, width_for_rest(rest, 1.0 - near, max(0.3, SLOW_SMOOTHING_S * rate)))
-    smooth = near * fast + (1.0 - near) * slow
-    rest_v = steady_velocity(rest, max(0.3, RATE_SMOOTHING_S * rate)) * rate
-    if unknown is not None:
-        smooth, rest_v = unknown, np.gradient(unknown) * rate
-    rest_a = np.gradient(rest_v) * rate
-    if trial.command_mm is None:
-        # mass is thrown by what a velocity does near kinks, which is to be smooth there
-        quick = np.gradient(smoothed(rest, max(0.5, 0.002 * rate))) * rate
-        rest_a = np.gradient(near * quick + (1.0 - near) * rest_v) * rate
-        smooth, rest_v = smoothed_as_it_bears(rest, RATE_SMOOTHING_S * rate) * np.array([[1.0], [rate]])
-    servo_residual, signature = np.zeros_like(rest), np.zeros((len(rest), 2))
+        smooth, rest_v, rest_a = _of_unknown_drive(recorded, rate)
+    servo_residual, signature = np.zeros_like(recorded), np.zeros((len(recorded), 2))
     if trial.command_mm is not None:
         wn, zeta = DEFAULT_NATURAL_FREQUENCY_RAD_S, DEFAULT_DAMPING_RATIO
         nominal = follow(trial.command_mm, rate, wn, zeta).position_mm
@@ -243,3 +227,39 @@ def estimate_motion(trial: Trial, servo: FoundServo = NOMINAL_SERVO) -> Motion:
         servo_signature_mm=signature,
         kinks=kinks,
     )
+
+
+def _near(kinks: IntArray, n: int, rate_hz: float) -> FloatArray:
+    """Return how much each of n samples lies near a kink, from 0 to 1."""
+    near = np.zeros(n)
+    half = max(1, round(NEAR_KINK_S * rate_hz))
+    for k in kinks:
+        near[max(0, k - half) : k + half] = 1.0
+    return np.asarray(gaussian_filter1d(near, max(1.0, half / 4)))
+
+
+def _beside_servo(rest_mm: FloatArray, near: FloatArray, rate_hz: float) -> tuple[FloatArray, ...]:
+    """Return position, velocity and acceleration (N,) of what a servo's answer leaves."""
+    fast = smoothed(rest_mm, width_for_rest(rest_mm, near, max(0.3, FAST_SMOOTHING_S * rate_hz)))
+    slow = smoothed(rest_mm, width_for_rest(rest_mm, 1.0 - near, max(0.3, SLOW_SMOOTHING_S * rate_hz)))
+    velocity = steady_velocity(rest_mm, max(0.3, RATE_SMOOTHING_S * rate_hz)) * rate_hz
+    return near * fast + (1.0 - near) * slow, velocity, np.gradient(velocity) * rate_hz
+
+
+def _of_unknown_drive(recorded_mm: FloatArray, rate_hz: float) -> tuple[FloatArray, ...]:
+    """Return position, velocity and acceleration (N,) of what moves all along, and not as its command says."""
+    position = smoothed(recorded_mm, width_for_acceleration(recorded_mm))
+    velocity = np.gradient(position) * rate_hz
+    return position, velocity, np.gradient(velocity) * rate_hz
+
+
+def _without_command(recorded_mm: FloatArray, near: FloatArray, rate_hz: float) -> tuple[FloatArray, ...]:
+    """Return position, velocity and acceleration (N,) of an arm of which only the position is known.
+
+    What throws a mass is to be smooth near kinks, too: its acceleration is not that of the velocity.
+    """
+    quick = np.gradient(smoothed(recorded_mm, max(0.5, VELOCITY_WINDOW_S * rate_hz))) * rate_hz
+    steady = steady_velocity(recorded_mm, max(0.3, RATE_SMOOTHING_S * rate_hz)) * rate_hz
+    position, per_sample = smoothed_as_it_bears(recorded_mm, RATE_SMOOTHING_S * rate_hz)
+    acceleration = np.gradient(near * quick + (1.0 - near) * steady) * rate_hz
+    return position, per_sample * rate_hz, acceleration

@@ -3,8 +3,10 @@
     python tests/benchmarks/concealed.py FOLDER --out DIR [--only NAME ...] [--processes 2]
 
 FOLDER holds a folder of trial files a case, and ``truth.json``: by the folder's name its kind (null, single,
-pair, outside), the verdicts that are right, and the effects with their parameters. One JSON line a case is
-kept in DIR/concealed-CODE.jsonl, CODE a digest of the analysis; the same code goes on where it was stopped.
+pair, outside), the verdicts that are right, and the effects with their parameters. It may say in which phases they show
+(``phase``), and what else is there and may be named beside them (``allowed_extra``: a hum, the drive's own servo). One
+JSON line a case is kept in DIR/concealed-CODE.jsonl, CODE a digest of the analysis; the same code goes on where it was
+stopped.
 """
 
 from __future__ import annotations
@@ -26,7 +28,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from measured import Row, code_digest, code_name, diagnose, kept_rows
 
 from rig.proof.recovery import recoveries
-from rig.proof.scores import EXPECTED, Effect, Outcome, Truth, first_right, is_right
+from rig.proof.scores import EXPECTED, Effect, Outcome, Truth, first_right, is_right, rate, right_phase
 
 
 def read_truths(folder: Path) -> dict[str, Mapping[str, Any]]:
@@ -38,18 +40,18 @@ def read_truths(folder: Path) -> dict[str, Mapping[str, Any]]:
 
 
 def as_truth(number: int, told: Mapping[str, Any]) -> Truth:
-    """Return a told truth as the proof scores it; where an effect shows and how strong it is, isn't told."""
+    """Return a told truth as the proof scores it; how strong an effect is isn't told, nor, by some, where it shows."""
     effects = tuple(
         Effect(
             str(e["name"]),
             e["stage"] != "outside",
             {k: float(p["value"]) for k, p in e["parameters"].items() if p["value"] is not None},
-            (),
+            tuple(told.get("phase", ())),
             float("nan"),
         )
         for e in told["effects"]
     )
-    noise = ", ".join(f"{k} {v:g}" for k, v in told["noise"].items())
+    noise = ", ".join(f"{k} {v}" for k, v in told["noise"].items())
     skin = "living" if told["scatter"]["tissue_constants"] else "shared"
     return Truth(number, str(told["kind"]), noise, skin, effects, told["mean_tissue"])
 
@@ -84,6 +86,15 @@ def run(
     return [rows[name] for name in wanted]
 
 
+def outcome_of(row: Row) -> Outcome:
+    """Return a case with its report, without what is there besides and may be named or not."""
+    told, report = row["truth"], row["report"]
+    truth = as_truth(0, told)
+    beside = frozenset(told.get("allowed_extra") or ()) - truth.names
+    mechanisms = [m for m in report["mechanisms"] if m["name"] not in beside]
+    return Outcome(truth, {**report, "mechanisms": mechanisms})
+
+
 def cells(row: Row) -> list[str]:
     """Return a case's row of the table: concealed, said, sizes, right, first, alarm, time."""
     told = row["truth"]
@@ -94,7 +105,7 @@ def cells(row: Row) -> list[str]:
     cost = f"{row['wall_s']:.0f} ({row['cpu_s']:.0f})"
     if row["error"]:
         return [row["name"], concealed, row["error"], "", "WRONG", cost]
-    outcome = Outcome(truth, row["report"])
+    outcome = outcome_of(row)
     said = " + ".join(" | ".join(s) for s in outcome.named_sets)
     sizes = ", ".join(
         f"{r.parameter} {r.value:.3g}±{r.se:.2g} for {r.truth:.3g}{'' if r.covered else ' (off)'}"
@@ -116,6 +127,11 @@ def score(rows: list[Row]) -> int:
     console.print(table)
     right = sum(line[4] == "right" for line in lines)
     console.print(f"{right} of {len(rows)} right; peak {max(r['peak_mb'] for r in rows):.0f} MB")
+    scored = [outcome_of(r) for r in rows if not r["error"]]
+    placed = [o for o in scored if o.truth.kind == "outside" and o.truth.effects[0].phases]
+    if placed:
+        hits, cases = rate(map(right_phase, placed))
+        console.print(f"{hits} of {cases} outside the library found in a phase in which it shows")
     return right
 
 

@@ -12,16 +12,11 @@ from scipy.stats import chi2
 
 from analysis.mismatch.evidence.marginal import log_ratio
 from analysis.mismatch.fit.study_fit import StudyFit
-from analysis.mismatch.model.effects import OwnShape, own_effects, simulate
+from analysis.mismatch.model.effects import own_effects, simulate
 from analysis.mismatch.name.events import (
-    CREEP,
     EVENTS,
-    SETTLES,
-    SETTLES_S,
     Event,
     EventScan,
-    bent_shapes,
-    drop_goes_on,
     event_shape,
     one_unit,
 )
@@ -44,6 +39,8 @@ ONCE_IN = 50
 """Trials in one of which noise has such an edge."""
 FINER = (0.8, 0.2, 0.05, 0.012)
 """Widths, in gaps between times, of the looks that are taken about the best."""
+FAR_APART = 20.0
+"""Ratio of times beyond which an event says little of one that takes longer: all times are looked at with both."""
 STEP = 0.01
 """Of a unit: of a finite difference. Where contact ends a force is a line over a fraction of a micron only."""
 AFTER = 0.03
@@ -62,6 +59,27 @@ def at_rest(trial: CellTrial, phases: Sequence[str], lasts_s: float = 0.0) -> Fl
             first, last = trial.time_s[cells[[2, -3]]]
             spans.append((first + 0.5 * lasts_s, last - max(AFTER * (last - first), 0.5 * lasts_s)))
     return np.array(spans).reshape(-1, 2)
+
+
+def middles(event: Event, trial: CellTrial, rise_s: float) -> FloatArray:
+    """Return from when to when (P, 2) the middle of an event may lie in each phase, s.
+
+    What returns may begin in a motion, and is seen to be over. What swells begins at rest, and may go on.
+    """
+    if event.returns:
+        return at_rest(trial, event.phases)
+    if event.goes_on:
+        return at_rest(trial, event.phases) + 0.5 * rise_s
+    return at_rest(trial, event.phases, rise_s)
+
+
+def far_apart(rises_s: Sequence[float]) -> list[int]:
+    """Return which forms all times are looked at with: the first, and each that takes so much longer than the last."""
+    found = [0]
+    for form, rise_s in enumerate(rises_s):
+        if rise_s >= FAR_APART * rises_s[found[-1]]:
+            found.append(form)
+    return found
 
 
 def inside(spans: FloatArray, times: FloatArray) -> NDArray[np.bool_]:
@@ -107,24 +125,24 @@ def _refined(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return places (3, G: time, form and gap), norms and weights (2, G), scores (G,), more densely about the best.
 
-    All times are looked at with the first form, the others about the best time: which one it is shows where times lie
+    All times are looked at with forms far apart, the others about the best time: which one it is shows where times lie
     no further apart than a step takes.
     """
     gap = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
     edges = edges_s(fit, j, event.phases)
     # a fine time stands for a smaller part of the trial than a coarse one
     fine_weight = 0.3 / len(event.rises_s)
-    weight = np.append(np.ones(len(times)), np.full(len(edges), fine_weight * FINER[1]))
+    apart = far_apart(event.rises_s)
+    weight = np.append(np.full(len(times), 1.0 / len(apart)), np.full(len(edges), fine_weight * FINER[1]))
+    weight = np.tile(weight, len(apart))
     times = np.append(times, edges)
     gaps = gaps_mm(fit, j, event, times)
-    places = np.vstack([times, np.zeros(len(times)), gaps])
-    a, c = _scores(fit, j, event, times, 0, gaps)
+    places = np.hstack([np.vstack([times, np.full(len(times), form), gaps]) for form in apart])
+    a, c = np.hstack([_scores(fit, j, event, times, form, gaps) for form in apart])
     promising = float(np.max(c**2 / np.maximum(a, 1e-12))) > PROMISING
-    # what returns may begin in a motion, and is seen to be over
-    lasts_s = [0.0 if event.returns else rise_s for rise_s in event.rises_s]
-    spans = [at_rest(fit.trials[j], event.phases, s) for s in lasts_s] if promising else []
+    spans = [middles(event, fit.trials[j], rise_s) for rise_s in event.rises_s] if promising else []
     for width in FINER if promising else ():
-        best = places[:, np.argsort(-(c**2) / np.maximum(a, 1e-12))[: REFINED if width > 0.1 else 1]]
+        best = places[:, best_of(places[1], c**2 / np.maximum(a, 1e-12), REFINED if width > 0.1 else 1)]
         forms = range(len(event.rises_s)) if width > FINER[-1] else np.unique(best[1].astype(int))
         about = np.unique(np.concatenate([b + gap * width * np.linspace(-1.0, 1.0, 6) for b in best[0]]))
         for form in forms:
@@ -135,6 +153,14 @@ def _refined(
             weight = np.concatenate([weight, np.full(len(fine), fine_weight * width)])
             a, c = np.concatenate([a, fine_a]), np.concatenate([c, fine_c])
     return places, np.vstack([a, weight]), c
+
+
+def best_of(forms: FloatArray, gains: FloatArray, number: int) -> NDArray[np.intp]:
+    """Return where (K,) the best of some places (G,) stand: ``number`` of them, of as many forms as may be."""
+    in_order = np.argsort(-gains)
+    first = np.sort(np.unique(forms[in_order], return_index=True)[1])
+    rest = np.delete(np.arange(len(in_order)), first)
+    return np.asarray(in_order[np.concatenate([first, rest])[:number]])
 
 
 def edges_s(fit: StudyFit, j: int, phases: Sequence[str]) -> FloatArray:
@@ -185,7 +211,7 @@ def gaps_mm(fit: StudyFit, j: int, event: Event, times: FloatArray) -> FloatArra
     """Return how far (G,) the skin is from a punch that dwells, where an event at such times took it away, mm."""
     trial, state = fit.trials[j], fit.states[j]
     dwell = trial.in_phase("dwell")
-    if event.acts == "share" or event.returns or not np.any(dwell):
+    if event.acts != "surface" or event.returns or not np.any(dwell):
         return np.zeros(len(times))
     surface = own_effects(replace(state, rhythms=())).get("surface", np.zeros(len(dwell)))
     gap = float(np.min((state.z0_mm - surface - trial.position_mm)[dwell]))
@@ -247,45 +273,3 @@ def _weigh(event: Event, per_trial: Sequence[tuple[FloatArray, FloatArray, Float
         gaps_mm=most_probable[2],
         coefficients=coefficients,
     )
-
-
-def with_events(fit: StudyFit, scan: EventScan) -> StudyFit:
-    """Return the fit with a step in every trial that more likely has one than not, free to creep a little.
-
-    No more is known of what becomes of a drop as the punch lifts off: it may go with the force, stay, or go with the
-    depth, and the tissue would be bent to bring the contact's end to where it was. What is the channel's own may be of
-    its gain or of its zero.
-    """
-    name, acts = scan.event.name, scan.event.acts
-    states = []
-    for j, (trial, state) in enumerate(zip(fit.trials, fit.states, strict=True)):
-        if scan.probability[j] <= 0.5:
-            states.append(state)
-            continue
-        time_s, rise_s = float(scan.times_s[j]), scan.event.rises_s[int(scan.forms[j])]
-        contact_mn = fit.force_mn(j) - state.offset_mn
-        unit = one_unit(scan.event, trial, contact_mn)
-        size = max(scan.size, abs(float(scan.coefficients[j])))
-        step = event_shape(scan.event, trial, time_s, rise_s) * unit
-        since = np.maximum(trial.time_s - time_s, 0.0)
-        shapes = [OwnShape(name, acts, step, size**2, time_s)]
-        if scan.event.channel:
-            shapes.append(OwnShape(name, "force", step / unit, size**2, time_s, CREEP))
-        elif not scan.event.returns:
-            settles = [step * -np.expm1(-since / t) for t in SETTLES_S]
-            settles[0] = settles[0] if scan.event.one_sided else step - settles[0]
-            shapes += [OwnShape(name, acts, s, (SETTLES * size) ** 2, time_s, CREEP) for s in settles]
-        shapes += [
-            OwnShape(name, acts, bent * unit, size**2, time_s, CREEP)
-            for bent in bent_shapes(scan.event, trial, time_s, rise_s)
-        ]
-        if scan.event.one_sided:
-            shapes += [
-                OwnShape(name, "surface", later, size**2, time_s, CREEP)
-                for later in drop_goes_on(trial, state, contact_mn, time_s)
-            ]
-        # where a step took the skin away, the contact was nearer before
-        nearer_mm = float(scan.coefficients[j]) if scan.gaps_mm[j] > 0.0 else 0.0
-        there = replace(state, z0_mm=state.z0_mm + nearer_mm)
-        states.append(there.with_shapes(shapes, float(scan.coefficients[j])))
-    return replace(fit, states=tuple(states))

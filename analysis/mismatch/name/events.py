@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.mismatch.model.effects import Acts, TrialState
+from analysis.mismatch.fit.study_fit import StudyFit
+from analysis.mismatch.model.effects import Acts, OwnShape, TrialState
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.mechanism import library
 
@@ -16,7 +17,7 @@ FloatArray = NDArray[np.float64]
 
 TIMES_LOOKED_AT = 70
 """About so many times of a trial are looked at for each event."""
-SLIPS_S, SHIFTS_S, SWELLS_S = (0.006, 0.002), (0.015, 0.03, 0.06, 0.12, 0.24), (0.5, 1.0)
+SLIPS_S, SHIFTS_S, SWELLS_S = (0.006, 0.002), (0.015, 0.03, 0.06, 0.12, 0.24), (0.5, 1.0, 2.0, 4.0, 8.0)
 """How long a step may take: a slip is over within milliseconds, skin that shifts is soft and takes ten or more.
 
 By nothing else is a drop for which the surface gives way told from a shift away from the arm. What takes longer still
@@ -24,6 +25,8 @@ swells or ebbs, as no skin that shifts does.
 """
 STRETCH, BENT = 2.25, 5
 """No step is a straight ramp: within so many of its rises it is a smooth one, and has so many shapes of its own."""
+ZEROS_S = (*SLIPS_S, 0.05, 0.5, 4.0)
+"""A zero jumps, sags or wanders off."""
 PULSES_S = tuple(np.geomspace(0.015, 1.2, 16).tolist())
 """How long what returns takes to its peak: a twitch some hundredths of a second, a push a second or so. Densely, since
 it begins sharply, and bends little about that."""
@@ -37,8 +40,9 @@ LASTS = 15.0
 class Event:
     """A kind of step: how it acts, its unit, and its forms: how long it may take (s).
 
-    One that ``returns`` is a pulse that rises for so long, and then dies away; what is the ``channel``'s own is a step
-    of its gain, or of its zero, either way. No law of the library does so.
+    One that ``returns`` is a pulse that rises for so long, and then dies away; one that ``goes_on`` may still do so
+    when rest ends. What is the ``channel``'s own is a step of its gain, or of its zero, either way. No law of the
+    library does so.
     """
 
     name: str
@@ -48,6 +52,7 @@ class Event:
     phases: tuple[str, ...]
     returns: bool = False
     channel: bool = False
+    goes_on: bool = False
 
     @property
     def one_sided(self) -> bool:
@@ -87,9 +92,10 @@ class EventScan:
 EVENTS = (
     Event("slip", "share", 1.0, SLIPS_S, ("hold",)),
     Event("motion_artefact", "surface", 1e-3, SHIFTS_S, ("dwell", "hold")),
-    Event("swell", "surface", 1e-3, SWELLS_S, ("dwell", "hold")),
+    Event("swell", "surface", 1e-3, SWELLS_S, ("dwell", "hold"), goes_on=True),
     Event("transient", "surface", 1e-3, PULSES_S, ("dwell", "hold"), returns=True),
     Event("jump", "share", 1.0, SLIPS_S, ("hold",), channel=True),
+    Event("zero_step", "force", 1.0, ZEROS_S, ("approach", "dwell", "hold", "clear"), channel=True),
 )
 SETTLES_S = (0.03, 0.5, 3.0)
 CREEP = "creep"
@@ -179,3 +185,45 @@ def drop_goes_on(trial: CellTrial, state: TrialState, force_mn: FloatArray, time
     lifted_mm = np.where(trial.retracting, trial.position_mm[last] - trial.position_mm, 0.0)
     lifted = np.clip(lifted_mm / max(float(force_mn[last]), 1e-9), 0.0, 1.0 / tissue.stiffness)
     return -np.array([stays, lifted])
+
+
+def with_events(fit: StudyFit, scan: EventScan) -> StudyFit:
+    """Return the fit with a step in every trial that more likely has one than not, free to creep a little.
+
+    No more is known of what becomes of a drop as the punch lifts off: it may go with the force, stay, or go with the
+    depth, and the tissue would be bent to bring the contact's end to where it was. What is the channel's own may be of
+    its gain or of its zero.
+    """
+    name, acts = scan.event.name, scan.event.acts
+    states = []
+    for j, (trial, state) in enumerate(zip(fit.trials, fit.states, strict=True)):
+        if scan.probability[j] <= 0.5:
+            states.append(state)
+            continue
+        time_s, rise_s = float(scan.times_s[j]), scan.event.rises_s[int(scan.forms[j])]
+        contact_mn = fit.force_mn(j) - state.offset_mn
+        unit = one_unit(scan.event, trial, contact_mn)
+        size = max(scan.size, abs(float(scan.coefficients[j])))
+        step = event_shape(scan.event, trial, time_s, rise_s) * unit
+        since = np.maximum(trial.time_s - time_s, 0.0)
+        shapes = [OwnShape(name, acts, step, size**2, time_s)]
+        if scan.event.channel and acts == "share":
+            shapes.append(OwnShape(name, "force", step / unit, size**2, time_s, CREEP))
+        elif not (scan.event.channel or scan.event.returns):
+            settles = [step * -np.expm1(-since / t) for t in SETTLES_S]
+            settles[0] = settles[0] if scan.event.one_sided else step - settles[0]
+            shapes += [OwnShape(name, acts, s, (SETTLES * size) ** 2, time_s, CREEP) for s in settles]
+        shapes += [
+            OwnShape(name, acts, bent * unit, size**2, time_s, CREEP)
+            for bent in bent_shapes(scan.event, trial, time_s, rise_s)
+        ]
+        if scan.event.one_sided:
+            shapes += [
+                OwnShape(name, "surface", later, size**2, time_s, CREEP)
+                for later in drop_goes_on(trial, state, contact_mn, time_s)
+            ]
+        # where a step took the skin away, the contact was nearer before
+        nearer_mm = float(scan.coefficients[j]) if scan.gaps_mm[j] > 0.0 else 0.0
+        there = replace(state, z0_mm=state.z0_mm + nearer_mm)
+        states.append(there.with_shapes(shapes, float(scan.coefficients[j])))
+    return replace(fit, states=tuple(states))

@@ -26,8 +26,8 @@ from analysis.mismatch.levels import (
 )
 from analysis.mismatch.model.dictionary import Template, templates
 from analysis.mismatch.model.effects import TISSUE_SIZE
-from analysis.mismatch.name.event_scan import scan_events, with_events
-from analysis.mismatch.name.events import EVENTS, EventScan
+from analysis.mismatch.name.event_scan import scan_events
+from analysis.mismatch.name.events import EVENTS, EventScan, with_events
 from analysis.mismatch.name.oscillations import OscillationScan, scan_oscillations, with_oscillation
 
 FloatArray = NDArray[np.float64]

@@ -13,14 +13,23 @@ from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.fit.noise import NoiseModel
 from analysis.mismatch.levels import ENOUGH_OWN
 from analysis.mismatch.model.effects import Law, OwnShape, simulate
-from analysis.mismatch.name.event_scan import scan_events, with_events
-from analysis.mismatch.name.events import EVENTS, SETTLES_S, SHIFTS_S, bent_shapes, event_shape, step_shape
+from analysis.mismatch.name.event_scan import scan_events
+from analysis.mismatch.name.events import (
+    EVENTS,
+    SETTLES_S,
+    SHIFTS_S,
+    bent_shapes,
+    event_shape,
+    step_shape,
+    with_events,
+)
 from analysis.mismatch.name.options import own_options
 from analysis.mismatch.name.oscillations import OscillationScan, with_oscillation
 from analysis.mismatch.name.own_sizes import own_sizes
 from analysis.mismatch.name.search import considered
 from analysis.mismatch.study.intake import take_in_memory
 from analysis.recordings.trial import Trial
+from analysis.simulation.cells import CellTrial
 from analysis.simulation.mechanism import library
 from sim_hardware.concealment.offline import study_plans
 
@@ -272,11 +281,16 @@ def test_what_is_lost_by_and_by_is_no_slip(record: Callable[..., list[Trial]]) -
     assert "slip" not in [rival.name for rival in considered(nothing, nothing, {})]
 
 
-@pytest.mark.parametrize("stays", [True, False], ids=["stays", "comes and goes"])
+@pytest.mark.parametrize(
+    ("stays", "first"), [(True, "zero_step"), (False, "swell")], ids=["stays", "comes and goes"]
+)
 def test_what_changes_slowly_once_or_twice_in_a_trial_is_no_breath(
-    record: Callable[..., list[Trial]], stays: bool
+    record: Callable[..., list[Trial]], stays: bool, first: str
 ) -> None:
-    """Of a trial of one cycle or two a breath's shapes are any smooth course, and a quick shift stands for its edge."""
+    """Of a trial of one cycle or two a breath's shapes are any smooth course, and a quick shift stands for its edge.
+
+    What is read stays where it went after contact, too: it is the zero.
+    """
     plans = study_plans(depths_mm=(0.4, 0.7), repeats=5, hold_s=5.0, dwell_s=0.4)
     fit = fit_baseline(take_in_memory(record(62, plans=plans)).trials)
     random = np.random.default_rng(63)
@@ -294,7 +308,51 @@ def test_what_changes_slowly_once_or_twice_in_a_trial_is_no_breath(
         )
     nothing = Account(fit_baseline(warmed))
     (best, *_) = considered(nothing, nothing, {})
-    assert best.name == "swell"
+    assert best.name == first
+
+
+def _with_force(trial: CellTrial, added_mn: Callable[[np.ndarray], np.ndarray]) -> CellTrial:
+    """Return a trial to whose force something was added, (n,) mN at times (n,) s."""
+    full_mn = trial.full_force_mn + added_mn(trial.full_time_s)
+    force_mn = trial.force_mn + added_mn(trial.time_s)
+    return replace(trial, force_mn=force_mn, full_force_mn=full_mn.astype(np.float32))
+
+
+def test_what_bends_at_a_time_of_its_own_goes_on(record: Callable[..., list[Trial]]) -> None:
+    """A film pulls ever more from a moment of the hold on: no course that is over before rest ends says as much."""
+    plans = study_plans(depths_mm=(0.4, 0.7), repeats=6, hold_s=7.0, dwell_s=0.6)
+    random = np.random.default_rng(65)
+    fit = fit_baseline(take_in_memory(record(64, plans=plans)).trials)
+    bent = []
+    for trial, state in zip(fit.trials, fit.states, strict=True):
+        hold_mm = trial.position_mm[trial.in_phase("hold")].mean()
+        from_s = trial.time_s[trial.in_phase("hold")][0] + random.uniform(0.5, 4.5)
+        held = np.clip((trial.position_mm - state.z0_mm) / (hold_mm - state.z0_mm), 0.0, 1.0)
+        pull_mn = -1.6 * held * np.maximum(trial.time_s - from_s, 0.0)
+        bent.append(_with_force(trial, lambda t, of=trial.time_s, mn=pull_mn: np.interp(t, of, mn)))
+    swell = next(e for e in EVENTS if e.name == "swell")
+    over = replace(swell, name="over", rises_s=(0.5, 1.0), goes_on=False)
+    goes_on, ends = scan_events(Account(fit_baseline(bent)).quick().fit, [swell, over])
+    assert goes_on.evidence > ends.evidence + ENOUGH_OWN
+
+
+def test_a_zero_that_jumps_before_there_is_contact_is_seen(record: Callable[..., list[Trial]]) -> None:
+    """A cable that snags in the air, each time elsewhere, pulls for a sixth of a second and lets go at once."""
+    random = np.random.default_rng(67)
+    snagged, lets_go_s = [], []
+    for trial in take_in_memory(record(66)).trials:
+        begins_s, ends_s = trial.time_s[trial.in_phase("approach")][[0, -1]]
+        lets_go_s.append(begins_s + random.uniform(0.4, 0.8) * (ends_s - begins_s))
+
+        def snags(t: np.ndarray, at_s: float = lets_go_s[-1]) -> np.ndarray:
+            return np.where(t < at_s, 3.0 * np.clip(1.0 - (at_s - t) / 0.16, 0.0, 1.0), 0.0)
+
+        snagged.append(_with_force(trial, snags))
+    nothing = Account(fit_baseline(snagged))
+    (best, *_) = considered(nothing, nothing, {})
+    assert best.name == "zero_step"
+    (found,) = scan_events(nothing.fit, [e for e in EVENTS if e.name == best.name])
+    np.testing.assert_allclose(found.times_s, lets_go_s, atol=0.01)
 
 
 def test_the_edge_of_a_slip_is_found_in_noise_that_slips_themselves_have_made(

@@ -57,18 +57,17 @@ class Option:
 def added(options: Sequence[Option], account: Account) -> Account:
     """Return the account, by laws that are exact, with an effect refitted from the best of its options.
 
-    With an effect recordings are as likely as without it, but for its price. Where it fell behind by more, what else is
-    missing has bent the tissue, as no slow noise was granted where it was found; then it is added where the account
-    stands.
+    With an effect recordings are as likely as without it, but for its price. Where one fell behind by more, what else
+    is missing has bent the tissue, as no slow noise was granted where it was found; then it is added where the account
+    stands, too.
     """
-    best = max((option.refit().weighed_anew() for option in options), key=lambda a: a.nats)
-    if best.nats > account.of_exact_laws - options[0].enough:
-        return best
-    # those that were found in the account itself were added there
-    elsewhere = [o for o in options if o.found_in is not account]
-    return max(
-        [best, *(option.added_to(account).weighed_anew() for option in elsewhere)], key=lambda a: a.nats
-    )
+    refitted = []
+    for option in options:
+        here = option.refit().weighed_anew()
+        if here.nats <= account.of_exact_laws - option.enough and option.found_in is not account:
+            here = max(here, option.added_to(account).weighed_anew(), key=lambda a: a.nats)
+        refitted.append(here)
+    return max(refitted, key=lambda a: a.nats)
 
 
 def law_options(

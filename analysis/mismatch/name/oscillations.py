@@ -136,14 +136,12 @@ def scan_oscillations(fit: StudyFit, only: str = "") -> OscillationScan:
         whole = float(logsumexp(profile) - np.log(len(every))) - UNKNOWN_SIZE
         if whole > best.evidence:
             k = int(np.argmax(profile))
-            best = OscillationScan(
-                whole,
-                float(grid[k]),
-                float(np.sqrt(v)) / float(np.median(stiffness)),
-                name_of(float(grid[k])),
-                every,
-            )
-    return best
+            size_mm = float(np.sqrt(v)) / float(np.median(stiffness))
+            best = OscillationScan(whole, float(grid[k]), size_mm, only, every)
+    if only or best is nothing:
+        return best
+    # the places looked at are further apart than bands are sharp
+    return replace(best, name=name_of(float(np.median(list(tuned_hz(fit, best).values())))))
 
 
 def _on_skin(fit: StudyFit) -> list[int]:

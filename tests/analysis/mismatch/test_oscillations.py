@@ -20,6 +20,7 @@ from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.fit.whitener import Whitener
 from analysis.mismatch.model.effects import simulate, tissue_force, touches
 from analysis.mismatch.model.rhythm import Rhythm, overtones, waves
+from analysis.mismatch.name import oscillations
 from analysis.mismatch.name.events import step_shape
 from analysis.mismatch.name.options import own_options
 from analysis.mismatch.name.oscillations import (
@@ -126,6 +127,18 @@ def test_a_rhythm_is_looked_for_by_name_in_its_own_band(record: Callable[..., li
     assert named.frequency_hz == most.frequency_hz
     none = scan_oscillations(fit, "slip")
     assert none.evidence == -np.inf
+
+
+def test_a_rhythm_is_named_by_where_it_is_and_not_by_where_it_was_looked_for(
+    record: Callable[..., list[Trial]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Places lie a seventh apart at 1 Hz, and a pulse of 1.0 Hz was found from the one at 0.93, which is no pulse's."""
+    monkeypatch.setattr(oscillations, "frequency_grid", lambda *_: np.array([0.78, 0.93]))
+    pulse = '[[effects]]\nname = "heartbeat"\namplitude_um = 12.0\nfrequency_hz = 1.0\n'
+    plans = study_plans(depths_mm=(0.5,), repeats=4, hold_s=6.0, dwell_s=0.4)
+    quick = Account(fit_baseline(take_in_memory(record(68, pulse, plans)).trials)).quick()
+    found = scan_oscillations(quick.fit)
+    assert (found.name, found.frequency_hz) == ("heartbeat", 0.93)
 
 
 def test_what_is_left_open_is_as_large_as_what_is_not_found() -> None:

@@ -69,7 +69,7 @@ def findings(named: Named, baseline: Account, lines: Sequence[Line]) -> tuple[Fi
         else:
             rhythm = would_do(account, mechanism)
             sizes = own_sizes(account, mechanism, rhythm.se_hz if rhythm else 0.0)
-            elsewhere = rhythm is not None and not rhythm.may_be(mechanism)
+            elsewhere = rhythm is not None and not rhythm.is_likely(mechanism)
         found.append(
             Finding(
                 mechanism,

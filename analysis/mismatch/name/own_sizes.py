@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.evidence.inexactness import exact_state
 from analysis.mismatch.fit.study_fit import StudyFit
-from analysis.mismatch.levels import INEXACT
+from analysis.mismatch.levels import INEXACT, KEPT
 from analysis.mismatch.model.effects import simulate, touches
 from analysis.mismatch.name.oscillations import band_hz, steady_gains
 from analysis.simulation.mechanism import Mechanism
@@ -45,10 +45,11 @@ class WouldDo:
         """Standard deviation of what is anywhere between."""
         return (self.highest_hz - self.lowest_hz) / float(np.sqrt(12.0))
 
-    def may_be(self, mechanism: Mechanism) -> bool:
-        """Return whether some of them are in the mechanism's band."""
+    def is_likely(self, mechanism: Mechanism) -> bool:
+        """Return whether at least half of them are in the mechanism's band: one is as likely as another."""
         lowest_hz, highest_hz = band_hz(mechanism)
-        return self.lowest_hz <= highest_hz and self.highest_hz >= lowest_hz
+        inside_hz = min(self.highest_hz, highest_hz) - max(self.lowest_hz, lowest_hz)
+        return inside_hz >= KEPT * (self.highest_hz - self.lowest_hz)
 
 
 def would_do(account: Account, mechanism: Mechanism) -> WouldDo | None:

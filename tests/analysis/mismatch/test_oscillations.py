@@ -30,7 +30,7 @@ from analysis.mismatch.name.oscillations import (
     scan_oscillations,
     with_oscillation,
 )
-from analysis.mismatch.name.own_sizes import own_sizes, would_do
+from analysis.mismatch.name.own_sizes import WouldDo, own_sizes, would_do
 from analysis.mismatch.name.search import is_nothing
 from analysis.mismatch.study.intake import take_in_memory
 from analysis.recordings.trial import Trial
@@ -382,7 +382,15 @@ def test_what_rings_faster_than_a_hand_trembles_is_no_tremor(
     account = cast(Account, SimpleNamespace(fit=SimpleNamespace(states=trials)))
     anywhere = would_do(account, library()["tremor"])
     assert anywhere is not None
-    assert anywhere.may_be(library()["tremor"]) is is_tremor
+    assert anywhere.is_likely(library()["tremor"]) is is_tremor
+
+
+@pytest.mark.parametrize(
+    ("hz", "is_breath"), [((0.09, 0.18), False), ((0.12, 0.2), True), ((0.6, 0.9), False)]
+)
+def test_what_may_as_well_be_outside_a_band_is_not_in_it(hz: tuple[float, float], is_breath: bool) -> None:
+    """What pulls ever more is explained by a wave as well as by half as quick a one: one is as likely as another."""
+    assert WouldDo(*hz).is_likely(library()["respiration"]) is is_breath
 
 
 def test_what_turns_slower_than_a_breath_is_none(record: Callable[..., list[Trial]]) -> None:
@@ -393,7 +401,7 @@ def test_what_turns_slower_than_a_breath_is_none(record: Callable[..., list[Tria
         there = _oscillating(record, "respiration", 0.15, repeats=6, hold_s=12.0, effects=effects)
         anywhere = would_do(Account(there.with_population(), steps={"respiration": 0.0}), breath)
         assert anywhere is not None
-        assert anywhere.may_be(breath) is is_breath
+        assert anywhere.is_likely(breath) is is_breath
 
 
 def _on_a_pulse(record: Callable[..., list[Trial]], amplitude_um: float, seed: int) -> StudyFit:

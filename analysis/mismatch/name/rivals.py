@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from analysis.mismatch.evidence.account import Account
+from analysis.mismatch.fit.arms import weakest_apart
 from analysis.mismatch.fit.law_fit import at_bound
 from analysis.mismatch.levels import ENOUGH_SHARED, INEXACT, KEPT, SMALL_SHARE, TWO_ERRORS
 from analysis.simulation.mechanism import library
@@ -82,3 +83,17 @@ def best_first(found: Sequence[Rival]) -> tuple[Rival, ...]:
     listed = sorted(found, key=lambda r: -r.gain)
     first = next((r for r in listed if not r.is_another and r.as_good_as(listed[0])), None)
     return tuple(sorted(listed, key=lambda r: r is not first))
+
+
+def told_apart(account: Account, rivals: Mapping[str, tuple[Rival, ...]]) -> Account:
+    """Return the account with the weakest arm as the law's, if that predicts as well.
+
+    Trials that share their tissue show a set of arms, and any of them may have been fitted as the one that was missing.
+    """
+    for law in account.exact.fit.shared.laws:
+        exchanged = weakest_apart(account.exact.fit, law)
+        if exchanged is not None:
+            other = replace(account.exact, fit=exchanged).with_laws(exchanged.shared.laws).reweighed()
+            here, there = (replace(rivals[law.name][0], account=a) for a in (account, other))
+            return other if there.as_good_as(here) else account
+    return account

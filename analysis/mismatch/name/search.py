@@ -16,7 +16,6 @@ from analysis.mismatch.evidence.itself import (
     mends,
 )
 from analysis.mismatch.evidence.left_over import LeftOver, left_over
-from analysis.mismatch.fit.arms import weakest_apart
 from analysis.mismatch.levels import (
     CLOSE,
     ENOUGH_ONCE,
@@ -33,7 +32,7 @@ from analysis.mismatch.name.law_sizes import size_is_told
 from analysis.mismatch.name.options import added, begun_again, better, own_options
 from analysis.mismatch.name.oscillations import phases_alike
 from analysis.mismatch.name.own_sizes import own_sizes
-from analysis.mismatch.name.rivals import Rival, as_they_stand, best_first, instead
+from analysis.mismatch.name.rivals import Rival, as_they_stand, best_first, instead, told_apart
 from analysis.mismatch.name.tries import worth_trying
 from analysis.simulation.mechanism import library
 
@@ -54,6 +53,7 @@ def search(account: Account) -> Named:
     """Add the effect with most evidence, refit, drop what became needless, until nothing more is worth it."""
     rivals: dict[str, tuple[Rival, ...]] = {}
     start, adds = account, dict[str, float]()
+    stands, of_it = account, adds
     while len(account.names) < MOST_EFFECTS:
         before = account
         step, lead = next_step(account, start, adds)
@@ -61,26 +61,30 @@ def search(account: Account) -> Named:
             break
         rivals |= {lead.name: (lead,)} if lead else {}
         best = step[0]
-        rivals = {name: instead(of_it, step) for name, of_it in rivals.items()} | {best.name: step}
+        rivals = {name: instead(others, step) for name, others in rivals.items()} | {best.name: step}
         account, adds = pruned(begun_again(best.settled_account(), best.name, start), best, start)
         led = ENOUGH_SHARED if best.name not in account.names else 0.0
-        if account.nats < before.nats + led:
-            # it is not needed, or led nowhere
-            account = max(account, before, key=lambda a: a.nats)
+        needless = account.nats < before.nats + led
+        if needless and account.nats > before.nats and before is stands:
+            stands, of_it = account, adds
+        # nor is what led to it itself beside that
+        if needless or (lead and not explained_beside(account, lead.name, start)):
             break
-        smooth = in_smooth_noise(before)
-        enough = smooth.nats + enough_for(best.name, account)
-        if smooth is not before and beside_quick_noise(account, smooth).nats < enough:
-            # it is no more than noise
-            account = before
+        if is_more_than_noise(account, stands):
+            stands, of_it = account, adds
+        elif before is not stands:
+            # nor is it with one more beside it
             break
-        if lead and not explained_beside(account, lead.name, start):
-            # nor is it itself beside what it led to
-            account = before
-            break
-    account, rivals, adds = one_for_two(account, start, rivals, adds)
+    account, rivals, adds = one_for_two(stands, start, rivals, of_it)
     found = {name: rivals[name] for name in account.names}
     return Named(in_smooth_noise(told_apart(account, found)), found, adds)
+
+
+def is_more_than_noise(account: Account, before: Account) -> bool:
+    """Return whether what was added to an account gains enough over nothing in smooth noise."""
+    smooth = in_smooth_noise(before)
+    enough = sum(enough_for(name, account) for name in account.names if name not in before.names)
+    return smooth is before or beside_quick_noise(account, smooth).nats >= smooth.nats + enough
 
 
 def next_step(
@@ -145,20 +149,6 @@ def one_for_two(
             besides = (r for r in step if r.name != best.name)
             return best.account, rivals | {best.name: (best, *besides)}, {}
     return account, rivals, adds
-
-
-def told_apart(account: Account, rivals: Mapping[str, tuple[Rival, ...]]) -> Account:
-    """Return the account with the weakest arm as the law's, if that predicts as well.
-
-    Trials that share their tissue show a set of arms, and any of them may have been fitted as the one that was missing.
-    """
-    for law in account.exact.fit.shared.laws:
-        exchanged = weakest_apart(account.exact.fit, law)
-        if exchanged is not None:
-            other = replace(account.exact, fit=exchanged).with_laws(exchanged.shared.laws).reweighed()
-            here, there = (replace(rivals[law.name][0], account=a) for a in (account, other))
-            return other if there.as_good_as(here) else account
-    return account
 
 
 def considered(

@@ -692,6 +692,31 @@ def test_what_slow_noise_of_a_band_explains_is_not_named(
     assert search.search(NOTHING).account is (slip if named else smooth)
 
 
+@pytest.mark.parametrize(("pair", "named"), [(1500.0, True), (1000.0, False)], ids=["more", "no more"])
+def test_what_is_no_more_than_noise_by_itself_may_be_so_with_one_beside_it(
+    monkeypatch: pytest.MonkeyPatch, pair: float, named: bool
+) -> None:
+    """Noise of a band stood for the breath that was missing beside a crosstalk, and said more than that did."""
+    crosstalk, breath = ("position_crosstalk",), ("position_crosstalk", "respiration")
+    alone, both = (
+        cast(Account, _Evidence(names, {crosstalk: 500.0, breath: pair}, steps=("respiration",)))
+        for names in (crosstalk, breath)
+    )
+    smooth = cast(Account, _Evidence((), {(): 990.0}))
+    steps = {
+        (): [Rival("position_crosstalk", 500.0, 1.0, alone)],
+        crosstalk: [Rival("respiration", 900.0, 1.0, both)],
+        breath: [],
+    }
+    monkeypatch.setattr(search, "weighed", lambda account, *_: steps[account.names])
+    monkeypatch.setattr(search, "begun_again", lambda account, name, nothing: account)
+    monkeypatch.setattr(search, "pruned", lambda account, *_: (account, {}))
+    monkeypatch.setattr(search, "told_apart", lambda account, rivals: account)
+    monkeypatch.setattr(search, "in_smooth_noise", lambda account: account if account.names else smooth)
+    monkeypatch.setattr(search, "beside_quick_noise", lambda account, of: account)
+    assert search.search(NOTHING).account is (both if named else smooth)
+
+
 def test_laws_are_begun_again_beside_what_was_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where the newest was missing they stood for a part of it, and may not find back to what they are."""
     found = {("drift",): 100.0, ("lag",): 100.0, ("drift", "lag"): 900.0}

@@ -79,8 +79,13 @@ def instead(step: tuple[Rival, ...], after: tuple[Rival, ...]) -> tuple[Rival, .
 
 
 def best_first(found: Sequence[Rival]) -> tuple[Rival, ...]:
-    """Return rivals by what they gain; what is none that the library has makes way for one that explains as much."""
+    """Return rivals by what they gain; what is none that the library has makes way for one that explains as much.
+
+    Where all are none, what one gains by being granted to be off it does not explain.
+    """
     listed = sorted(found, key=lambda r: -r.gain)
+    if all(r.is_another for r in listed):
+        listed.sort(key=lambda r: -r.account.of_exact_laws)
     first = next((r for r in listed if not r.is_another and r.as_good_as(listed[0])), None)
     return tuple(sorted(listed, key=lambda r: r is not first))
 

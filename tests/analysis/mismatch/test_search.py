@@ -78,6 +78,10 @@ def test_a_law_at_the_end_of_its_range_makes_way_for_one_within_it() -> None:
     assert best_first([nameless, better]) == (better, nameless)
     assert best_first([nameless, off]) == (off, nameless)
     assert best_first([nameless, ended]) == (ended, nameless)
+    # where none is what a textbook says, what one gains by being granted to be off it does not explain
+    granted = replace(off, account=replace(off.account, granted=3.0))
+    granted.account.__dict__["evidence"] = off.account.evidence
+    assert best_first([granted, nameless]) == (nameless, granted)
 
 
 def test_what_is_added_beside_a_rhythm_is_compared_once_that_has_followed_it(

@@ -23,6 +23,8 @@ NEIGHBOURS = 5
 """Samples of which the middle width is taken."""
 LEAST_NOISE = 1e-12
 """Of a position without any, mm."""
+SAME = 1e-7
+"""Of a position's range, within which two values are of one level."""
 WIDEST_SHARE = 0.02
 """Of a recording: a wider Gaussian would see its ends everywhere."""
 
@@ -58,6 +60,19 @@ def sample_noise(signal: FloatArray) -> float:
     return float(np.quantile(jumps, 0.9545)) / 2.0 / float(np.sqrt(comb(2 * NOISE_ORDER, NOISE_ORDER)))
 
 
+def position_noise(position: FloatArray) -> float:
+    """Return the rms error of a sample of a position (N,): of white noise, and no less than its converter's steps make.
+
+    Where noise is smaller than a step samples at rest are all alike, and their differences tell nothing of it. What
+    falls anywhere between two levels is off by their distance over sqrt(12), rms (Widrow and Kollar, Quantization
+    Noise, 2008).
+    """
+    gaps = np.diff(np.unique(position))
+    levels = gaps[gaps > SAME * np.ptp(position)]
+    step = float(levels.min()) if levels.size else 0.0
+    return max(sample_noise(position), step / float(np.sqrt(12.0)))
+
+
 def width_for_acceleration(position: FloatArray) -> float:
     """Return the Gaussian width (samples) with which the second derivative of a position (N,) is fit to be fitted with.
 
@@ -65,7 +80,7 @@ def width_for_acceleration(position: FloatArray) -> float:
     The error is estimated without bias: what smoothing takes from the second derivative, less what of it is noise,
     plus the noise that stays (Stein 1981, for a linear smoother under white noise).
     """
-    noise = sample_noise(position)
+    noise = position_noise(position)
     impulse = np.zeros(8 * int(WIDTHS_SAMPLES[-1]) + 1)
     impulse[len(impulse) // 2] = 1.0
     inside = slice(2, -2)
@@ -91,7 +106,7 @@ def width_for_rest(position: FloatArray, counts: FloatArray, least_samples: floa
     what smoothing takes away, less what of it is noise, plus the noise that stays (Stein 1981, for a linear smoother
     under white noise). Noise that stays is no motion, and would be a force in contact.
     """
-    noise = sample_noise(position)
+    noise = position_noise(position)
     best, smallest, width = least_samples, np.inf, least_samples
     while width <= max(WIDEST_SHARE * len(position), least_samples):
         taken = smoothed(position, width) - position
@@ -113,7 +128,7 @@ def smoothed_as_it_bears(position: FloatArray, widest_samples: float) -> FloatAr
 
     At rest ``widest_samples`` are to be many: what stays of noise there, a dashpot and a delay together smooth away.
     """
-    noise = sample_noise(position)
+    noise = position_noise(position)
     rows, errors, width = [position], [[1.0, float(np.sqrt(0.5))]], WIDTHS_SAMPLES[0]
     while width <= 2.0 * widest_samples:
         kernel = _kernel(width)
@@ -160,7 +175,7 @@ def steady_velocity(position: FloatArray, width_samples: float) -> FloatArray:
     that. The soft threshold is the universal one (Donoho and Johnstone, Biometrika 81:425, 1994).
     """
     velocity = np.gradient(smoothed(position, width_samples))
-    noise = sample_noise(position) * float(np.linalg.norm(np.gradient(_kernel(width_samples))))
+    noise = position_noise(position) * float(np.linalg.norm(np.gradient(_kernel(width_samples))))
     threshold = noise * np.sqrt(2.0 * np.log(len(position)))
     return np.asarray(np.sign(velocity) * np.maximum(np.abs(velocity) - threshold, 0.0))
 

@@ -7,7 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.simulation.smoothing import smoothed, smoothed_as_it_bears, steady_velocity, width_for_rest
+from analysis.simulation.smoothing import (
+    position_noise,
+    sample_noise,
+    smoothed,
+    smoothed_as_it_bears,
+    steady_velocity,
+    width_for_rest,
+)
 
 
 @given(
@@ -108,3 +115,26 @@ def test_what_moves_begins_to_before_it_is_more_than_noise() -> None:
 
 def test_a_recording_at_rest_stays_there() -> None:
     assert not smoothed_as_it_bears(np.zeros(2000), 10.0).any()
+
+
+@given(step_um=st.floats(0.5, 10.0), noise_um=st.floats(0.0, 0.3), seed=st.integers(0, 2**32 - 1))
+def test_a_position_is_known_no_better_than_its_converter(step_um: float, noise_um: float, seed: int) -> None:
+    """At rest its samples are all alike, or now and then a level apart, by which noise is nothing or too much."""
+    moved_um = 500.0 * np.concatenate([np.zeros(4000), minimum_jerk(200), np.ones(4000)])
+    noisy_um = moved_um + noise_um * np.random.default_rng(seed).standard_normal(len(moved_um))
+    recorded_um = step_um * np.round(noisy_um / step_um)
+    assert position_noise(recorded_um) >= 0.999 * step_um / np.sqrt(12.0)
+    # what no converter has rounded has no levels
+    assert position_noise(moved_um) < 1e-3 * step_um
+    if noise_um > 0.01:
+        assert position_noise(noisy_um) == pytest.approx(sample_noise(noisy_um), rel=0.01)
+
+
+def test_a_converter_s_steps_are_no_motion() -> None:
+    """A ramp of 4 um a sample read to 2.4 um: its velocity is its own to a thirtieth; it was a fifth off, staircase."""
+    ramp_mm = np.concatenate([np.zeros(2000), 4e-3 * np.arange(1.0, 176.0), np.full(2000, 0.7)])
+    noisy_mm = ramp_mm + 2.5e-4 * np.random.default_rng(4).standard_normal(len(ramp_mm))
+    recorded_mm = 2.39e-3 * np.round(noisy_mm / 2.39e-3)
+    _, velocity = smoothed_as_it_bears(recorded_mm, 640.0)
+    np.testing.assert_allclose(velocity[2030:2145], 4e-3, rtol=0.03)
+    assert not np.any(velocity[:1900])

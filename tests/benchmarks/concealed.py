@@ -28,7 +28,17 @@ sys.path.insert(0, str(Path(__file__).parent))
 from measured import Row, code_digest, code_name, diagnose, kept_rows
 
 from rig.proof.recovery import recoveries
-from rig.proof.scores import EXPECTED, Effect, Outcome, Truth, first_right, is_right, rate, right_phase
+from rig.proof.scores import (
+    EXPECTED,
+    NO_MISMATCH,
+    Effect,
+    Outcome,
+    Truth,
+    first_right,
+    is_right,
+    rate,
+    right_phase,
+)
 
 
 def read_truths(folder: Path) -> dict[str, Mapping[str, Any]]:
@@ -92,7 +102,10 @@ def outcome_of(row: Row) -> Outcome:
     truth = as_truth(0, told)
     beside = frozenset(told.get("allowed_extra") or ()) - truth.names
     mechanisms = [m for m in report["mechanisms"] if m["name"] not in beside]
-    return Outcome(truth, {**report, "mechanisms": mechanisms})
+    # where nothing else was named, nothing was
+    only_beside = bool(report["mechanisms"]) and not mechanisms and report["verdict"] != "unknown"
+    verdict = NO_MISMATCH if only_beside else report["verdict"]
+    return Outcome(truth, {**report, "mechanisms": mechanisms, "verdict": verdict})
 
 
 def cells(row: Row) -> list[str]:

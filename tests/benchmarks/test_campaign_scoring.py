@@ -92,6 +92,28 @@ def test_folders_by_another_hand_are_counted(
     assert len(concealed.run(folder, out, only=("b",))) == 1
 
 
+@pytest.mark.parametrize("phase", ["hold", "ramp"])
+def test_where_it_shows_and_what_is_there_besides_are_counted(
+    phase: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    beside = {"allowed_extra": ["mains_hum"]}
+    outside = {**told("outside", "film", stage="outside"), **beside, "phase": ["hold", "retract"]}
+    found = {**said("unknown", "mains_hum"), "mismatch": [{"phase": phase, "share_of_mismatch": 0.9}]}
+    rows = [
+        {**COST, "error": "", "name": "a", "truth": outside, "report": found},
+        {
+            **COST,
+            "error": "",
+            "name": "b",
+            "truth": told("null") | beside,
+            "report": said("named", "mains_hum"),
+        },
+        {**COST, "error": "", "name": "c", "truth": told("null"), "report": said("named", "mains_hum")},
+    ]
+    assert concealed.score(rows) == 2
+    assert f"{int(phase == 'hold')} of 1 outside the library found in a phase" in capsys.readouterr().out
+
+
 def test_a_case_that_fails_is_wrong(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(concealed, "diagnose", lambda *given: {**COST, "error": "out of memory"})
     assert concealed.score(concealed.run(folder, tmp_path / "kept")) == 0

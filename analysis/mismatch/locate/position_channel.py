@@ -23,6 +23,8 @@ SERVO_SHOWS = 0.01
 BLOCK_CELLS = 60
 """Cells of a block of a single trial, which are taken as independent."""
 OUTSIDE = len(PLACES)
+LAG = np.array([-1.0, 1.0])
+"""How the logarithm of a lag follows those of natural frequency and damping ratio."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +33,8 @@ class PositionFinding:
 
     ``p_value`` of the servo's signature; ``explained`` share of the repeatable position mismatch, where a servo shows,
     that another servo takes away; ``noise_mm`` rms of a sample; ``profile_mm`` (B,) mean residual by bin without an
-    output's half sample, ``bin_p`` its p-values; ``standard_errors`` of ln(natural frequency) and ln(damping ratio).
+    output's half sample, ``bin_p`` its p-values; ``standard_errors`` of ln(natural frequency) and ln(damping ratio),
+    ``lag_error`` of the logarithm of their lag, 2 zeta / wn, which is known far better than either.
     """
 
     p_value: float
@@ -40,6 +43,7 @@ class PositionFinding:
     profile_mm: FloatArray
     bin_p: FloatArray
     standard_errors: tuple[float, float]
+    lag_error: float
     strength: float
 
     @property
@@ -114,6 +118,7 @@ def look_at_position(trials: Sequence[CellTrial], rng: np.random.Generator) -> P
         profile_mm=np.sum(means, axis=0) / all_counts,
         bin_p=p_values[m:],
         standard_errors=(float(errors[0]), float(errors[1])),
+        lag_error=float(np.sqrt(max(LAG @ inverse @ LAG, 0.0) * misfit)),
         strength=float(np.sqrt(max(gain, 0.0))),
     )
 

@@ -21,19 +21,22 @@ def servo_named(diagnosis: Diagnosis) -> bool:
 
     A servo whose frequency stays unknown explains nothing: the drive is no such servo. One that lags by up to half a
     sample beyond the rig file's, within two errors, can't be told from an output that steps once a sample; none makes
-    it lag less.
+    it lag less. Its lag is known far better than its frequency: to microseconds, as which converters are at one. Where
+    the position is off by more than half a micrometre there is more than that to tell.
     """
     position = diagnosis.position
     wn, zeta = diagnosis.intake.servo.of_lines
     rate_hz = min(t.sample_rate_hz for t in diagnosis.intake.trials)
     lag_s = 2.0 * zeta / wn
     later_s = lag_s - 2.0 * DEFAULT_DAMPING_RATIO / DEFAULT_NATURAL_FREQUENCY_RAD_S
+    if position is None:
+        return False
+    error_s = lag_s * (position.lag_error if len(position.unknown_bins) else position.standard_errors[0])
     return (
-        position is not None
-        and position.p_value <= LEVEL
+        position.p_value <= LEVEL
         and position.explained >= SERVO_EXPLAINS
         and position.standard_errors[0] < SERVO_KNOWN
-        and max(-later_s, later_s - 0.5 / rate_hz) > TWO_ERRORS * lag_s * position.standard_errors[0]
+        and max(-later_s, later_s - 0.5 / rate_hz) > TWO_ERRORS * error_s
     )
 
 

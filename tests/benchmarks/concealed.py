@@ -27,6 +27,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from measured import Row, code_digest, code_name, diagnose, kept_rows
 
+from rig.proof.figures import figures
 from rig.proof.recovery import recoveries
 from rig.proof.scores import (
     EXPECTED,
@@ -36,8 +37,6 @@ from rig.proof.scores import (
     Truth,
     first_right,
     is_right,
-    rate,
-    right_phase,
 )
 
 
@@ -131,7 +130,7 @@ def cells(row: Row) -> list[str]:
 
 
 def score(rows: list[Row]) -> int:
-    """Print a row a case and the count; return how many are right."""
+    """Print a row a case, the count, and every figure that they allow; return how many are right."""
     table = Table("case", "concealed", "said", "sizes", "", "s (of processor)")
     lines = [cells(r) for r in rows]
     for line in lines:
@@ -141,10 +140,14 @@ def score(rows: list[Row]) -> int:
     right = sum(line[4] == "right" for line in lines)
     console.print(f"{right} of {len(rows)} right; peak {max(r['peak_mb'] for r in rows):.0f} MB")
     scored = [outcome_of(r) for r in rows if not r["error"]]
-    placed = [o for o in scored if o.truth.kind == "outside" and o.truth.effects[0].phases]
-    if placed:
-        hits, cases = rate(map(right_phase, placed))
-        console.print(f"{hits} of {cases} outside the library found in a phase in which it shows")
+    # where effects show is not told by all
+    is_told = all(e.phases for o in scored for e in o.truth.effects)
+    figure_table = Table("figure", "value", "over")
+    for f in figures(scored):
+        if is_told or "phase" not in f.what:
+            figure_table.add_row(f.what, f.value, str(f.over))
+    if figure_table.row_count:
+        console.print(figure_table)
     return right
 
 

@@ -12,6 +12,7 @@ from scipy.stats import chi2
 
 from analysis.mismatch.evidence.marginal import log_ratio
 from analysis.mismatch.fit.study_fit import StudyFit
+from analysis.mismatch.levels import KEPT
 from analysis.mismatch.model.effects import own_effects, simulate
 from analysis.mismatch.name.events import (
     EVENTS,
@@ -71,6 +72,18 @@ def middles(event: Event, trial: CellTrial, rise_s: float) -> FloatArray:
     if event.goes_on:
         return at_rest(trial, event.phases) + 0.5 * rise_s
     return at_rest(trial, event.phases, rise_s)
+
+
+def comes_with_motion(fit: StudyFit, scan: EventScan) -> bool:
+    """Return whether most trials that have an event have it at an end of rest: a motion brought it, or takes it on."""
+    there = np.flatnonzero(scan.probability > 0.5)
+    ends = []
+    for j in there:
+        trial, time_s = fit.trials[j], scan.times_s[j]
+        spans = middles(scan.event, trial, scan.event.rises_s[int(scan.forms[j])])
+        cell_s = trial.widths_s[np.argmin(np.abs(trial.time_s - time_s))]
+        ends.append(not inside(spans + cell_s * np.array([1.0, -1.0]), time_s[None])[0])
+    return bool(ends) and float(np.mean(ends)) > KEPT
 
 
 def far_apart(rises_s: Sequence[float]) -> list[int]:

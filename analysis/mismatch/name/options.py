@@ -26,7 +26,7 @@ from analysis.mismatch.levels import (
 )
 from analysis.mismatch.model.dictionary import Template, templates
 from analysis.mismatch.model.effects import TISSUE_SIZE
-from analysis.mismatch.name.event_scan import scan_events
+from analysis.mismatch.name.event_scan import comes_with_motion, scan_events
 from analysis.mismatch.name.events import EVENTS, EventScan, with_events
 from analysis.mismatch.name.oscillations import OscillationScan, scan_oscillations, with_oscillation
 
@@ -174,7 +174,8 @@ def own_options(account: Account, only: str = "") -> list[Option]:
     options = [
         Option(scan.event.name, scan.evidence, ENOUGH_OWN, account, _event_refit(scan))
         for scan in scans
-        if not scan.event.channel or scan.evidence > drops + ENOUGH_OWN
+        if not (scan.event.channel and scan.evidence < drops + ENOUGH_OWN)
+        and not (scan.event.once and comes_with_motion(account.fit, scan))
     ]
     if any(e.name == only for e in EVENTS):
         return options

@@ -336,6 +336,25 @@ def test_what_bends_at_a_time_of_its_own_goes_on(record: Callable[..., list[Tria
     assert goes_on.evidence > ends.evidence + ENOUGH_OWN
 
 
+@pytest.mark.parametrize(("after_s", "is_shift"), [(0.0, False), (0.5, True)], ids=["as it ends", "later"])
+def test_what_comes_as_a_motion_ends_is_no_shift_of_the_skin(
+    record: Callable[..., list[Trial]], after_s: float, is_shift: bool
+) -> None:
+    """A film pulls from first contact on, as the punch comes to rest: in every trial as early as may be."""
+    plans = study_plans(depths_mm=(0.4, 0.7), repeats=4, hold_s=4.0, dwell_s=0.6)
+    fit = fit_baseline(take_in_memory(record(69, plans=plans)).trials)
+    random = np.random.default_rng(70)
+    shifted = []
+    for trial, state in zip(fit.trials, fit.states, strict=True):
+        begins_s = float(trial.time_s[trial.in_phase("hold")][0])
+        at_s = begins_s + after_s * (1.0 if after_s < 0.1 else random.uniform(1.0, 4.0))
+        shape = {"surface": 0.02 * step_shape(trial, at_s, 0.06)}
+        changed_mn = simulate(trial, state, fit.shared, shape) - simulate(trial, state, fit.shared, {})
+        shifted.append(_with_force(trial, lambda t, of=trial.time_s, mn=changed_mn: np.interp(t, of, mn)))
+    names = [option.name for option in own_options(Account(fit_baseline(shifted)).quick())]
+    assert ("motion_artefact" in names) is is_shift
+
+
 def test_a_zero_that_jumps_before_there_is_contact_is_seen(record: Callable[..., list[Trial]]) -> None:
     """A cable that snags in the air, each time elsewhere, pulls for a sixth of a second and lets go at once."""
     random = np.random.default_rng(67)

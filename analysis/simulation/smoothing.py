@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import comb
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.ndimage import label, maximum, median_filter
 from scipy.signal import oaconvolve
@@ -65,12 +66,17 @@ def position_noise(position: FloatArray) -> float:
 
     Where noise is smaller than a step samples at rest are all alike, and their differences tell nothing of it. What
     falls anywhere between two levels is off by their distance over sqrt(12), rms (Widrow and Kollar, Quantization
-    Noise, 2008).
+    Noise, 2008). What moves from level to level evenly was not rounded to them.
     """
-    gaps = np.diff(np.unique(position))
-    levels = gaps[gaps > SAME * np.ptp(position)]
-    step = float(levels.min()) if levels.size else 0.0
-    return max(sample_noise(position), step / float(np.sqrt(12.0)))
+    noise, moved = sample_noise(position), np.abs(np.diff(position))
+    levels = np.diff(np.unique(position))
+    levels = levels[levels > SAME * np.ptp(position)]
+    if not levels.size:
+        return noise
+    moves = sliding_window_view(moved, NOISE_ORDER).max(axis=1) > 0.0
+    uneven = float(np.median(np.abs(np.diff(position, NOISE_ORDER))[moves]))
+    step = float(levels.min())
+    return max(noise, step / float(np.sqrt(12.0))) if uneven > 0.5 * step else noise
 
 
 def width_for_acceleration(position: FloatArray) -> float:

@@ -124,7 +124,8 @@ def test_a_position_is_known_no_better_than_its_converter(step_um: float, noise_
     noisy_um = moved_um + noise_um * np.random.default_rng(seed).standard_normal(len(moved_um))
     recorded_um = step_um * np.round(noisy_um / step_um)
     assert position_noise(recorded_um) >= 0.999 * step_um / np.sqrt(12.0)
-    # what no converter has rounded has no levels
+    # what no converter has rounded has no levels, also where it moves as evenly as from one to the next
+    assert position_noise(500.0 * np.clip(np.arange(8200.0) / 200.0 - 20.0, 0.0, 1.0)) < 1e-9
     assert position_noise(moved_um) < 1e-3 * step_um
     if noise_um > 0.01:
         assert position_noise(noisy_um) == pytest.approx(sample_noise(noisy_um), rel=0.01)

@@ -183,10 +183,7 @@ def test_a_slip_that_is_off_as_it_ends_is_no_friction(record: Callable[..., list
         held_mn = float(np.median(contact_mn[trial.in_phase("hold")]))
         u = np.clip((trial.time_s - end_s) / 0.15, 0.0, 1.0)
         lost_mn = 4.0 * step * contact_mn / held_mn * (1.0 + 0.5 * np.sin(3.0 * np.pi * u))
-        full_mn = trial.full_force_mn - np.interp(trial.full_time_s, trial.time_s, lost_mn)
-        slipped.append(
-            replace(trial, force_mn=trial.force_mn - lost_mn, full_force_mn=full_mn.astype(np.float32))
-        )
+        slipped.append(_with_course(trial, -lost_mn))
     nothing = Account(replace(fit, trials=tuple(slipped)).with_population()).reweighed()
     (step, *_) = considered(nothing, nothing, {})
     assert step.name == "slip"
@@ -236,6 +233,18 @@ def test_what_comes_once_and_dies_away_is_no_shift(record: Callable[..., list[Tr
     assert twitch.nats > shift.nats + ENOUGH_OWN
 
 
+def _with_force(trial: CellTrial, added_mn: Callable[[np.ndarray], np.ndarray]) -> CellTrial:
+    """Return a trial to whose force something was added, (n,) mN at times (n,) s."""
+    full_mn = trial.full_force_mn + added_mn(trial.full_time_s)
+    force_mn = trial.force_mn + added_mn(trial.time_s)
+    return replace(trial, force_mn=force_mn, full_force_mn=full_mn.astype(np.float32))
+
+
+def _with_course(trial: CellTrial, added_mn: np.ndarray) -> CellTrial:
+    """Return a trial to whose force a course was added that is known at its cells, (n,) mN."""
+    return _with_force(trial, lambda t: np.interp(t, trial.time_s, added_mn))
+
+
 @pytest.mark.parametrize(
     ("sign", "first"), [(-1.0, "slip"), (None, "jump"), (1.0, "jump")], ids=["down", "both", "up"]
 )
@@ -253,10 +262,7 @@ def test_a_gain_that_jumps_either_way_is_no_slip(
         size = (sign or (-1.0) ** k) * random.uniform(0.03, 0.06)
         lost = -size * step_shape(trial, jumps_s, 0.001)
         jump_mn = simulate(trial, state, fit.shared, {"share": lost}) - simulate(trial, state, fit.shared)
-        full_mn = trial.full_force_mn + np.interp(trial.full_time_s, trial.time_s, jump_mn)
-        jumped.append(
-            replace(trial, force_mn=trial.force_mn + jump_mn, full_force_mn=full_mn.astype(np.float32))
-        )
+        jumped.append(_with_course(trial, jump_mn))
     nothing = Account(fit_baseline(jumped))
     (best, *_) = considered(nothing, nothing, {})
     assert best.name == first
@@ -273,10 +279,7 @@ def test_what_is_lost_by_and_by_is_no_slip(record: Callable[..., list[Trial]]) -
         lasts_s = 1.8 * np.exp(0.1 * random.normal())
         lost = 0.08 * np.sqrt(np.minimum(since_s / lasts_s, 1.0))
         drained_mn = simulate(trial, state, fit.shared, {"share": lost}) - simulate(trial, state, fit.shared)
-        full_mn = trial.full_force_mn + np.interp(trial.full_time_s, trial.time_s, drained_mn)
-        drained.append(
-            replace(trial, force_mn=trial.force_mn + drained_mn, full_force_mn=full_mn.astype(np.float32))
-        )
+        drained.append(_with_course(trial, drained_mn))
     nothing = Account(fit_baseline(drained))
     assert "slip" not in [rival.name for rival in considered(nothing, nothing, {})]
 
@@ -302,20 +305,10 @@ def test_what_changes_slowly_once_or_twice_in_a_trial_is_no_breath(
             5.0 * (-1.0) ** k * sign * -np.expm1(-np.maximum(trial.time_s - at_s, 0.0) / 0.4)
             for at_s, sign in steps
         )
-        full_mn = trial.full_force_mn + np.interp(trial.full_time_s, trial.time_s, force_mn)
-        warmed.append(
-            replace(trial, force_mn=trial.force_mn + force_mn, full_force_mn=full_mn.astype(np.float32))
-        )
+        warmed.append(_with_course(trial, np.asarray(force_mn)))
     nothing = Account(fit_baseline(warmed))
     (best, *_) = considered(nothing, nothing, {})
     assert best.name == first
-
-
-def _with_force(trial: CellTrial, added_mn: Callable[[np.ndarray], np.ndarray]) -> CellTrial:
-    """Return a trial to whose force something was added, (n,) mN at times (n,) s."""
-    full_mn = trial.full_force_mn + added_mn(trial.full_time_s)
-    force_mn = trial.force_mn + added_mn(trial.time_s)
-    return replace(trial, force_mn=force_mn, full_force_mn=full_mn.astype(np.float32))
 
 
 def test_what_bends_at_a_time_of_its_own_goes_on(record: Callable[..., list[Trial]]) -> None:
@@ -329,7 +322,7 @@ def test_what_bends_at_a_time_of_its_own_goes_on(record: Callable[..., list[Tria
         from_s = trial.time_s[trial.in_phase("hold")][0] + random.uniform(0.5, 4.5)
         held = np.clip((trial.position_mm - state.z0_mm) / (hold_mm - state.z0_mm), 0.0, 1.0)
         pull_mn = -1.6 * held * np.maximum(trial.time_s - from_s, 0.0)
-        bent.append(_with_force(trial, lambda t, of=trial.time_s, mn=pull_mn: np.interp(t, of, mn)))
+        bent.append(_with_course(trial, pull_mn))
     swell = next(e for e in EVENTS if e.name == "swell")
     over = replace(swell, name="over", rises_s=(0.5, 1.0), goes_on=False)
     goes_on, ends = scan_events(Account(fit_baseline(bent)).quick().fit, [swell, over])
@@ -350,7 +343,7 @@ def test_what_comes_as_a_motion_ends_is_no_shift_of_the_skin(
         at_s = begins_s + after_s * (1.0 if after_s < 0.1 else random.uniform(1.0, 4.0))
         shape = {"surface": 0.02 * step_shape(trial, at_s, 0.06)}
         changed_mn = simulate(trial, state, fit.shared, shape) - simulate(trial, state, fit.shared, {})
-        shifted.append(_with_force(trial, lambda t, of=trial.time_s, mn=changed_mn: np.interp(t, of, mn)))
+        shifted.append(_with_course(trial, changed_mn))
     names = [option.name for option in own_options(Account(fit_baseline(shifted)).quick())]
     assert ("motion_artefact" in names) is is_shift
 

@@ -29,15 +29,7 @@ from measured import Row, code_digest, code_name, diagnose, kept_rows
 
 from rig.proof.figures import figures
 from rig.proof.recovery import recoveries
-from rig.proof.scores import (
-    EXPECTED,
-    NO_MISMATCH,
-    Effect,
-    Outcome,
-    Truth,
-    first_right,
-    is_right,
-)
+from rig.proof.scores import EXPECTED, NO_MISMATCH, Effect, Outcome, Truth, first_right, is_right
 
 
 def read_truths(folder: Path) -> dict[str, Mapping[str, Any]]:

@@ -14,13 +14,7 @@ from analysis.mismatch.evidence.marginal import log_ratio
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import KEPT
 from analysis.mismatch.model.effects import own_effects, simulate
-from analysis.mismatch.name.events import (
-    EVENTS,
-    Event,
-    EventScan,
-    event_shape,
-    one_unit,
-)
+from analysis.mismatch.name.events import EVENTS, Event, EventScan, event_shape, one_unit
 from analysis.simulation.cells import CellTrial
 
 FloatArray = NDArray[np.float64]

@@ -16,6 +16,7 @@ from scipy.optimize import least_squares
 from analysis.recordings.trial import Trial
 from analysis.simulation.servo import DEFAULT_DAMPING_RATIO, DEFAULT_NATURAL_FREQUENCY_RAD_S, follow
 from analysis.simulation.smoothing import (
+    position_noise,
     smoothed,
     smoothed_as_it_bears,
     steady_velocity,
@@ -165,12 +166,11 @@ def fit_servo(trials: list[Trial]) -> FoundServo:
     return FoundServo(of_lines, of_steps, held, likelier(best.cost, straight))
 
 
-def _servo_explains(recorded_mm: FloatArray, servo_mm: FloatArray) -> bool:
+def _servo_explains(recorded_mm: FloatArray, noise_mm: float, servo_mm: FloatArray) -> bool:
     """Whether a servo's answer explains recorded position but for calibration, to some times its noise."""
     x = servo_mm - servo_mm.mean()
     gain = float(x @ recorded_mm) / max(float(x @ x), 1e-30)
     left = recorded_mm - recorded_mm.mean() - gain * x
-    noise_mm = float(np.median(np.abs(np.diff(left)))) / 0.6745 / np.sqrt(2.0)
     return bool(float(np.std(left)) <= UNKNOWN_DRIVE * max(noise_mm, SMALLEST_NOISE_MM))
 
 
@@ -199,15 +199,17 @@ def estimate_motion(trial: Trial, servo: FoundServo = NOMINAL_SERVO) -> Motion:
         shake = np.column_stack([before, before + servo.of_steps[0] ** 2 * np.diff(lines, prepend=lines[0])])
     else:
         base, v, a = np.zeros_like(recorded), np.zeros_like(recorded), np.zeros_like(recorded)
+    # what a servo's answer leaves of a recording has none of its converter's levels any more
+    noise_mm, near = position_noise(recorded), _near(kinks, len(recorded), rate)
     if trial.command_mm is None:
-        smooth, rest_v, rest_a = _without_command(recorded, _near(kinks, len(recorded), rate), rate)
-    elif _servo_explains(recorded, base):
-        smooth, rest_v, rest_a = _beside_servo(recorded - base, _near(kinks, len(recorded), rate), rate)
+        smooth, rest_v, rest_a = _without_command(recorded, noise_mm, near, rate)
+    elif _servo_explains(recorded, noise_mm, base):
+        smooth, rest_v, rest_a = _beside_servo(recorded - base, noise_mm, near, rate)
     else:
         # a drive that is no such servo: its answer would add accelerations that never were
         base, v, a = (np.zeros_like(recorded) for _ in range(3))
         shake = np.zeros_like(shake)
-        smooth, rest_v, rest_a = _of_unknown_drive(recorded, rate)
+        smooth, rest_v, rest_a = _of_unknown_drive(recorded, noise_mm, rate)
     servo_residual, signature = np.zeros_like(recorded), np.zeros((len(recorded), 2))
     if trial.command_mm is not None:
         wn, zeta = DEFAULT_NATURAL_FREQUENCY_RAD_S, DEFAULT_DAMPING_RATIO
@@ -238,28 +240,34 @@ def _near(kinks: IntArray, n: int, rate_hz: float) -> FloatArray:
     return np.asarray(gaussian_filter1d(near, max(1.0, half / 4)))
 
 
-def _beside_servo(rest_mm: FloatArray, near: FloatArray, rate_hz: float) -> tuple[FloatArray, ...]:
+def _beside_servo(
+    rest_mm: FloatArray, noise_mm: float, near: FloatArray, rate_hz: float
+) -> tuple[FloatArray, ...]:
     """Return position, velocity and acceleration (N,) of what a servo's answer leaves."""
-    fast = smoothed(rest_mm, width_for_rest(rest_mm, near, max(0.3, FAST_SMOOTHING_S * rate_hz)))
-    slow = smoothed(rest_mm, width_for_rest(rest_mm, 1.0 - near, max(0.3, SLOW_SMOOTHING_S * rate_hz)))
-    velocity = steady_velocity(rest_mm, max(0.3, RATE_SMOOTHING_S * rate_hz)) * rate_hz
+    fast = smoothed(rest_mm, width_for_rest(rest_mm, noise_mm, near, max(0.3, FAST_SMOOTHING_S * rate_hz)))
+    slow = smoothed(
+        rest_mm, width_for_rest(rest_mm, noise_mm, 1.0 - near, max(0.3, SLOW_SMOOTHING_S * rate_hz))
+    )
+    velocity = steady_velocity(rest_mm, noise_mm, max(0.3, RATE_SMOOTHING_S * rate_hz)) * rate_hz
     return near * fast + (1.0 - near) * slow, velocity, np.gradient(velocity) * rate_hz
 
 
-def _of_unknown_drive(recorded_mm: FloatArray, rate_hz: float) -> tuple[FloatArray, ...]:
+def _of_unknown_drive(recorded_mm: FloatArray, noise_mm: float, rate_hz: float) -> tuple[FloatArray, ...]:
     """Return position, velocity and acceleration (N,) of what moves all along, and not as its command says."""
-    position = smoothed(recorded_mm, width_for_acceleration(recorded_mm))
+    position = smoothed(recorded_mm, width_for_acceleration(recorded_mm, noise_mm))
     velocity = np.gradient(position) * rate_hz
     return position, velocity, np.gradient(velocity) * rate_hz
 
 
-def _without_command(recorded_mm: FloatArray, near: FloatArray, rate_hz: float) -> tuple[FloatArray, ...]:
+def _without_command(
+    recorded_mm: FloatArray, noise_mm: float, near: FloatArray, rate_hz: float
+) -> tuple[FloatArray, ...]:
     """Return position, velocity and acceleration (N,) of an arm of which only the position is known.
 
     What throws a mass is to be smooth near kinks, too: its acceleration is not that of the velocity.
     """
     quick = np.gradient(smoothed(recorded_mm, max(0.5, VELOCITY_WINDOW_S * rate_hz))) * rate_hz
-    steady = steady_velocity(recorded_mm, max(0.3, RATE_SMOOTHING_S * rate_hz)) * rate_hz
-    position, per_sample = smoothed_as_it_bears(recorded_mm, RATE_SMOOTHING_S * rate_hz)
+    steady = steady_velocity(recorded_mm, noise_mm, max(0.3, RATE_SMOOTHING_S * rate_hz)) * rate_hz
+    position, per_sample = smoothed_as_it_bears(recorded_mm, noise_mm, RATE_SMOOTHING_S * rate_hz)
     acceleration = np.gradient(near * quick + (1.0 - near) * steady) * rate_hz
     return position, per_sample * rate_hz, acceleration

@@ -79,14 +79,13 @@ def position_noise(position: FloatArray) -> float:
     return max(noise, step / float(np.sqrt(12.0))) if uneven > 0.5 * step else noise
 
 
-def width_for_acceleration(position: FloatArray) -> float:
+def width_for_acceleration(position: FloatArray, noise: float) -> float:
     """Return the Gaussian width (samples) with which the second derivative of a position (N,) is fit to be fitted with.
 
     It is half of the width of the smallest error: noise averages out over a fit, what smoothing takes away does not.
-    The error is estimated without bias: what smoothing takes from the second derivative, less what of it is noise,
-    plus the noise that stays (Stein 1981, for a linear smoother under white noise).
+    The error is estimated without bias: what smoothing takes from the second derivative, less what of it is ``noise``
+    (rms of a sample), plus the noise that stays (Stein 1981, for a linear smoother under white noise).
     """
-    noise = position_noise(position)
     impulse = np.zeros(8 * int(WIDTHS_SAMPLES[-1]) + 1)
     impulse[len(impulse) // 2] = 1.0
     inside = slice(2, -2)
@@ -105,14 +104,13 @@ def width_for_acceleration(position: FloatArray) -> float:
     return 0.5 * best
 
 
-def width_for_rest(position: FloatArray, counts: FloatArray, least_samples: float) -> float:
+def width_for_rest(position: FloatArray, noise: float, counts: FloatArray, least_samples: float) -> float:
     """Return the Gaussian width (samples) with which a position (N,) comes nearest to where the arm was.
 
-    At least ``least_samples``; ``counts`` (N,) says how much each sample counts. The error is estimated without bias:
-    what smoothing takes away, less what of it is noise, plus the noise that stays (Stein 1981, for a linear smoother
-    under white noise). Noise that stays is no motion, and would be a force in contact.
+    At least ``least_samples``; ``counts`` (N,) says how much each sample counts, ``noise`` is its rms error. The error
+    is estimated without bias: what smoothing takes away, less what of it is noise, plus the noise that stays (Stein
+    1981, for a linear smoother under white noise). Noise that stays is no motion, and would be a force in contact.
     """
-    noise = position_noise(position)
     best, smallest, width = least_samples, np.inf, least_samples
     while width <= max(WIDEST_SHARE * len(position), least_samples):
         taken = smoothed(position, width) - position
@@ -123,18 +121,17 @@ def width_for_rest(position: FloatArray, counts: FloatArray, least_samples: floa
     return best
 
 
-def smoothed_as_it_bears(position: FloatArray, widest_samples: float) -> FloatArray:
-    """Return a position (N,) smoothed over as much about every sample as it bears, and its velocity, a sample: (2, N).
+def smoothed_as_it_bears(position: FloatArray, noise: float, widest_samples: float) -> FloatArray:
+    """Return a position (N,), and its velocity, a sample, smoothed over as much about every sample as it bears: (2, N).
 
-    Of widths of a Gaussian that double the widest is looked for whose result agrees with those of all smaller ones,
-    intervals of two standard errors having a point in common: it ends where a motion turns, for a velocity elsewhere
-    than for a position (intersection of confidence intervals: Goldenshluger and Nemirovski, Math. Methods Stat. 6:135,
-    1997). Half of it is taken: noise averages out over a fit, what smoothing takes away does not. A velocity that is
-    no more than its noise is none, as in `steady_velocity`.
+    A sample's rms error is ``noise``. Of widths of a Gaussian that double the widest is looked for whose result agrees
+    with those of all smaller ones, intervals of two standard errors having a point in common: it ends where a motion
+    turns, for a velocity elsewhere than for a position (intersection of confidence intervals: Goldenshluger and
+    Nemirovski, Math. Methods Stat. 6:135, 1997). Half of it is taken: noise averages out over a fit, what smoothing
+    takes away does not. A velocity that is no more than its noise is none, as in `steady_velocity`.
 
     At rest ``widest_samples`` are to be many: what stays of noise there, a dashpot and a delay together smooth away.
     """
-    noise = position_noise(position)
     rows, errors, width = [position], [[1.0, float(np.sqrt(0.5))]], WIDTHS_SAMPLES[0]
     while width <= 2.0 * widest_samples:
         kernel = _kernel(width)
@@ -174,15 +171,16 @@ def _widest_that_agree(rows: FloatArray, errors: FloatArray) -> tuple[FloatArray
     return np.take_along_axis(rows, half[None], axis=0)[0], errors[half]
 
 
-def steady_velocity(position: FloatArray, width_samples: float) -> FloatArray:
-    """Return the velocity (N,) of a smoothed position (N,), a sample, none where it is no more than its noise.
+def steady_velocity(position: FloatArray, noise: float, width_samples: float) -> FloatArray:
+    """Return the velocity (N,) of a smoothed position (N,), a sample, none where it is no more than its ``noise`` (rms)
+    makes it.
 
     What rests wanders as far in a minute as the noise of its velocity makes it, and bristles would bend and slide by
     that. The soft threshold is the universal one (Donoho and Johnstone, Biometrika 81:425, 1994).
     """
     velocity = np.gradient(smoothed(position, width_samples))
-    noise = position_noise(position) * float(np.linalg.norm(np.gradient(_kernel(width_samples))))
-    threshold = noise * np.sqrt(2.0 * np.log(len(position)))
+    of_velocity = noise * float(np.linalg.norm(np.gradient(_kernel(width_samples))))
+    threshold = of_velocity * np.sqrt(2.0 * np.log(len(position)))
     return np.asarray(np.sign(velocity) * np.maximum(np.abs(velocity) - threshold, 0.0))
 
 

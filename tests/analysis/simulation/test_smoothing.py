@@ -45,7 +45,7 @@ def test_what_rests_has_no_velocity_and_what_moves_keeps_it() -> None:
     still = 0
     for seed in range(20):
         recorded_mm = moving_mm + np.random.default_rng(seed).normal(scale=2.5e-4, size=len(moving_mm))
-        velocity = steady_velocity(recorded_mm, 40.0)
+        velocity = steady_velocity(recorded_mm, 2.5e-4, 40.0)
         at_rest = np.concatenate([velocity[:19_600], velocity[22_400:]])
         still += not np.any(at_rest)
         assert velocity[20_400:21_600].mean() == pytest.approx(2.5e-4, rel=0.02)
@@ -57,7 +57,7 @@ def test_a_rest_is_smoothed_as_much_as_it_bears(wander_mm: float, widest: float)
     time_s = np.arange(64_000) / 8000.0
     true_mm = wander_mm * np.sin(2.0 * np.pi * 2.0 * time_s)
     recorded_mm = true_mm + np.random.default_rng(3).normal(scale=2.5e-4, size=len(time_s))
-    width = width_for_rest(recorded_mm, np.ones_like(time_s), 40.0)
+    width = width_for_rest(recorded_mm, 2.5e-4, np.ones_like(time_s), 40.0)
     assert 80.0 <= width <= widest
     error_mm, before_mm = (np.sqrt(np.mean((smoothed(recorded_mm, w) - true_mm) ** 2)) for w in (width, 40.0))
     assert error_mm < 0.75 * before_mm
@@ -83,7 +83,7 @@ def test_what_is_smoothed_as_it_bears_turns_where_it_did(ramp_mm: np.ndarray, ev
     found_mm, creeps = np.zeros_like(true_mm), 0.0
     for seed in range(30):
         noise_mm = np.random.default_rng(seed).normal(scale=3e-4, size=len(true_mm))
-        position_mm, velocity_mm = smoothed_as_it_bears(true_mm + noise_mm, widest_samples)
+        position_mm, velocity_mm = smoothed_as_it_bears(true_mm + noise_mm, 3e-4, widest_samples)
         off_mm = position_mm - true_mm
         # at rest nearly as good as the widest allowed
         assert np.std(off_mm[at_rest]) < 1.3 * np.std(smoothed(noise_mm, widest_samples)[at_rest])
@@ -104,17 +104,17 @@ def test_what_moves_begins_to_before_it_is_more_than_noise() -> None:
     """Bristles bend from the first micrometre: half of it is missed where a velocity has to be beyond all noise."""
     position_mm = np.concatenate([np.zeros(4000), 0.45 * minimum_jerk(338), np.full(4000, 0.45)])
     recorded_mm = position_mm + np.random.default_rng(4).normal(scale=3e-4, size=len(position_mm))
-    velocity = smoothed_as_it_bears(recorded_mm, 10.0)[1]
+    velocity = smoothed_as_it_bears(recorded_mm, 3e-4, 10.0)[1]
     moving = np.flatnonzero(velocity[3900:4438]) + 3900
     assert 4000 <= moving[0] < 4011
     assert np.array_equal(moving, np.arange(moving[0], moving[-1] + 1))
     # without noise from where it does
-    exact = np.flatnonzero(smoothed_as_it_bears(position_mm, 10.0)[1])
+    exact = np.flatnonzero(smoothed_as_it_bears(position_mm, 0.0, 10.0)[1])
     assert abs(exact[0] - 4000) < 3
 
 
 def test_a_recording_at_rest_stays_there() -> None:
-    assert not smoothed_as_it_bears(np.zeros(2000), 10.0).any()
+    assert not smoothed_as_it_bears(np.zeros(2000), 0.0, 10.0).any()
 
 
 @given(step_um=st.floats(0.5, 10.0), noise_um=st.floats(0.0, 0.3), seed=st.integers(0, 2**32 - 1))
@@ -136,6 +136,6 @@ def test_a_converter_s_steps_are_no_motion() -> None:
     ramp_mm = np.concatenate([np.zeros(2000), 4e-3 * np.arange(1.0, 176.0), np.full(2000, 0.7)])
     noisy_mm = ramp_mm + 2.5e-4 * np.random.default_rng(4).standard_normal(len(ramp_mm))
     recorded_mm = 2.39e-3 * np.round(noisy_mm / 2.39e-3)
-    _, velocity = smoothed_as_it_bears(recorded_mm, 640.0)
+    _, velocity = smoothed_as_it_bears(recorded_mm, position_noise(recorded_mm), 640.0)
     np.testing.assert_allclose(velocity[2030:2145], 4e-3, rtol=0.03)
     assert not np.any(velocity[:1900])

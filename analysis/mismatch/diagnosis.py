@@ -16,7 +16,8 @@ from analysis.mismatch.locate.remainder import Nameless, Remainder, find_transie
 from analysis.mismatch.name.finding import Finding, findings
 from analysis.mismatch.name.lines import Line, find_lines, without_lines
 from analysis.mismatch.name.ramp import undo_step
-from analysis.mismatch.name.search import Named, search
+from analysis.mismatch.name.rivals import Named
+from analysis.mismatch.name.search import search
 from analysis.mismatch.study.intake import Intake
 
 
@@ -62,8 +63,7 @@ def diagnose(intake: Intake, *, baseline: str = "ramp", seed: int = 0) -> Diagno
     remainder = remainder_of(named.account, nothing)
     bursts = find_transients(nothing.fit) if named.account.names else remainder.bursts
     nameless = nameless_of(named.account, before, [f.name for f in found if not f.at_bound])
-    trend = where_trend(remainder.trend)
-    somewhere = bool(found) or remainder.lasts
+    trend, somewhere = where_trend(remainder.trend), bool(found) or remainder.lasts
     return Diagnosis(
         intake=intake,
         baseline=before,

@@ -15,8 +15,7 @@ from analysis.mismatch.levels import INEXACT, TEMPER, TWO_ERRORS, WORTH_NAMING
 from analysis.mismatch.name.law_sizes import law_sizes, loosened
 from analysis.mismatch.name.lines import Line
 from analysis.mismatch.name.own_sizes import Quantity, own_sizes, would_do
-from analysis.mismatch.name.rivals import Rival
-from analysis.mismatch.name.search import Named
+from analysis.mismatch.name.rivals import Named, Rival
 from analysis.simulation.mechanism import Mechanism, library
 
 FloatArray = NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""Effects that were considered at one step of the search, and which of them leads."""
+"""Effects that were considered at each step of the search, and which of them leads."""
 
 from __future__ import annotations
 
@@ -47,6 +47,18 @@ class Rival:
         """Whether another leads by no more than paired errors, or than laws are right to."""
         lead, error = other.account.gain_over(self.account)
         return lead <= max(TWO_ERRORS * error, INEXACT * other.gain)
+
+
+@dataclass(frozen=True)
+class Named:
+    """The account that predicts best, who was considered for each of its effects, by name, and what each adds.
+
+    ``adds`` are the nats that are lost without an effect, where the search came to know them.
+    """
+
+    account: Account
+    rivals: dict[str, tuple[Rival, ...]]
+    adds: dict[str, float]
 
 
 def as_they_stand(found: Sequence[Rival], account: Account) -> list[Rival]:

@@ -16,7 +16,7 @@ from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.fit.start import longest_s
 from analysis.mismatch.model.effects import Law, Shared, simulate
 from analysis.mismatch.model.population import Population
-from analysis.mismatch.name.search import considered
+from analysis.mismatch.name.weighing import considered
 from analysis.mismatch.study.intake import take_in_memory
 from analysis.recordings.trial import Trial
 from analysis.simulation.mechanism import Tissue, library

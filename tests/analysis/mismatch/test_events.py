@@ -26,7 +26,7 @@ from analysis.mismatch.name.events import (
 from analysis.mismatch.name.options import own_options
 from analysis.mismatch.name.oscillations import OscillationScan, with_oscillation
 from analysis.mismatch.name.own_sizes import own_sizes
-from analysis.mismatch.name.search import considered
+from analysis.mismatch.name.weighing import considered
 from analysis.mismatch.study.intake import take_in_memory
 from analysis.recordings.trial import Trial
 from analysis.simulation.cells import CellTrial

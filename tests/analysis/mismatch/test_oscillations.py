@@ -31,7 +31,7 @@ from analysis.mismatch.name.oscillations import (
     with_oscillation,
 )
 from analysis.mismatch.name.own_sizes import WouldDo, own_sizes, would_do
-from analysis.mismatch.name.search import is_nothing
+from analysis.mismatch.name.weighing import is_nothing
 from analysis.mismatch.study.intake import take_in_memory
 from analysis.recordings.trial import Trial
 from analysis.simulation.mechanism import library

@@ -22,12 +22,13 @@ from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import ENOUGH_OWN, ENOUGH_SHARED, INEXACT, ROUGH, SURE, UNFORESEEN
 from analysis.mismatch.model.effects import TISSUE_SIZE, Law, Shared
 from analysis.mismatch.model.population import Population
-from analysis.mismatch.name import options, search, tries
+from analysis.mismatch.name import exchange, options, search, tries, weighing
 from analysis.mismatch.name.events import EVENTS
 from analysis.mismatch.name.options import Option, added, begun_again, own_options
-from analysis.mismatch.name.rivals import Rival, as_they_stand, best_first, instead
-from analysis.mismatch.name.search import considered, pruned, stands_for_shape
+from analysis.mismatch.name.rivals import Named, Rival, as_they_stand, best_first, instead
+from analysis.mismatch.name.search import pruned
 from analysis.mismatch.name.tries import worth_trying
+from analysis.mismatch.name.weighing import considered, stands_for_shape
 from analysis.mismatch.study.intake import take_in_memory
 from analysis.recordings.trial import PHASE_NAMES, Trial
 from analysis.simulation.mechanism import library
@@ -317,12 +318,12 @@ def test_what_is_nothing_is_not_granted_to_be_off(
         return account
 
     monkeypatch.setattr(
-        search, "worth_trying", lambda *_: tries.Tries({"respiration": [breath]}, {"respiration": 900.0})
+        weighing, "worth_trying", lambda *_: tries.Tries({"respiration": [breath]}, {"respiration": 900.0})
     )
-    monkeypatch.setattr(search, "added", lambda *_: replace(account, granted=-900.0))
+    monkeypatch.setattr(weighing, "added", lambda *_: replace(account, granted=-900.0))
     monkeypatch.setattr(Account, "granting", granting)
     for nothing in (True, False):
-        monkeypatch.setattr(search, "is_nothing", lambda *_, found=nothing: found)
+        monkeypatch.setattr(weighing, "is_nothing", lambda *_, found=nothing: found)
         assert not considered(account, account, {})
         assert bool(granted) is not nothing
 
@@ -507,7 +508,7 @@ def test_an_effect_is_seen_where_it_acts(record: Callable[..., list[Trial]]) -> 
     clinging = '[[effects]]\nname = "adhesion"\npull_off_mn = 4.0\n'
     plans = study_plans(depths_mm=(0.3, 0.7), repeats=3, hold_s=2.0, dwell_s=1.0)
     nothing = Account(fit_baseline(take_in_memory(record(52, clinging, plans)).trials))
-    account = search.considered(nothing, nothing, {}, ["adhesion"])[0].settled_account()
+    account = considered(nothing, nothing, {}, ["adhesion"])[0].settled_account()
     back = PHASE_NAMES.index("retract")
     acts = left_over.acting(account, account.names)
     assert acts.shape == (1, len(PHASE_NAMES))
@@ -561,7 +562,8 @@ class _Evidence:
         return self.of[self.names]
 
     def without(self, name: str) -> _Evidence:
-        return replace(self, names=tuple(n for n in self.names if n != name))
+        names, steps = (tuple(n for n in some if n != name) for some in (self.names, self.steps))
+        return replace(self, names=names, steps=steps)
 
     stripped = without
 
@@ -571,7 +573,7 @@ class _Evidence:
     reweighed = quick = settled
 
     def gain_over(self, other: _Evidence) -> tuple[float, float]:
-        return self.of[self.names] - self.of[other.names], 0.0
+        return self.nats - other.nats, 0.0
 
 
 NOTHING = cast(Account, _Evidence((), {(): 0.0}))
@@ -605,7 +607,7 @@ def test_what_is_missing_leads_others_no_further_than_to_nothing(
 
     monkeypatch.setattr(search, "begun_again", lambda account, name, nothing: account)
     monkeypatch.setattr(search, "own_options", lambda account, name: [])
-    monkeypatch.setattr(search, "shape_left", shape)
+    monkeypatch.setattr(weighing, "shape_left", shape)
     monkeypatch.setattr(search, "is_nothing", lambda account, name: False)
     of = {(): 0.0, ("slip",): 900.0, ("stiffening",): -9000.0, ("slip", "stiffening"): 1000.0}
     account = cast(Account, _Evidence(("slip", "stiffening"), of, ("slip",)))
@@ -624,7 +626,7 @@ def test_a_step_that_ends_worse_than_it_began_is_not_taken(monkeypatch: pytest.M
     monkeypatch.setattr(search, "weighed", lambda *_: steps.pop(0))
     monkeypatch.setattr(search, "begun_again", lambda account, name, nothing: account)
     monkeypatch.setattr(search, "pruned", lambda account, *_: (worse if account is both else account, {}))
-    monkeypatch.setattr(search, "one_for_two", lambda account, start, rivals, adds: (account, rivals, adds))
+    monkeypatch.setattr(search, "one_for_two", lambda named, start: named)
     monkeypatch.setattr(search, "told_apart", lambda account, rivals: account)
     monkeypatch.setattr(search, "in_smooth_noise", lambda account: account)
     assert search.search(NOTHING).account is slip
@@ -659,8 +661,8 @@ def test_what_is_bent_by_another_that_is_missing_leads_to_it(
         return [Rival(name, 36e3, 1.0, refitted, itself=itself)]
 
     monkeypatch.setattr(search, "weighed", lambda account, *_: steps[account.names])
-    monkeypatch.setattr(search, "left_over", lambda *_: NOTHING_LEFT)
-    monkeypatch.setattr(search, "as_rival", beside)
+    monkeypatch.setattr(weighing, "left_over", lambda *_: NOTHING_LEFT)
+    monkeypatch.setattr(weighing, "as_rival", beside)
     monkeypatch.setattr(search, "begun_again", lambda account, name, nothing: account)
     monkeypatch.setattr(search, "pruned", lambda account, *_: (account, {}))
     monkeypatch.setattr(search, "told_apart", lambda account, rivals: account)
@@ -770,7 +772,7 @@ def test_a_law_may_leave_more_than_there_was(record: Callable[..., list[Trial]])
     )
     plans = study_plans(depths_mm=(0.3, 0.7), repeats=4, hold_s=5.0, dwell_s=1.0)
     account = Account(fit_baseline(take_in_memory(record(52, effects, plans)).trials))
-    first = search.considered(account, account, {})[0]
+    first = considered(account, account, {})[0]
     assert first.name == "adhesion"
     assert first.account.fit.left_mn > 1.1 * account.fit.left_mn
 
@@ -804,8 +806,9 @@ def test_one_law_stands_in_place_of_two_of_its_stage(
         asked.append(others.names)
         return (Rival("power_law_relaxation", of_one, 1.0, one),)
 
-    monkeypatch.setattr(search, "considered", found)
-    there, rivals, _ = search.one_for_two(account, account, {}, {})
+    monkeypatch.setattr(exchange, "considered", found)
+    named = exchange.one_for_two(Named(account, {}, {}), account)
+    there, rivals = named.account, named.rivals
     assert there.names == names
     assert asked == [(third,)]
     if there is account:

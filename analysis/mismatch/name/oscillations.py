@@ -247,8 +247,11 @@ def _slow_shapes(
     first_s, last_s = trial.time_s[touching][[0, -1]]
     ends = np.pi * hz * (last_s - first_s) * WANDERS
     from_middle = (2.0 * trial.time_s - first_s - last_s) / (last_s - first_s)
+    parabola = 1.5 * from_middle**2 - 0.5
     return shapes + [
-        OwnShape(name, "surface", w * from_middle, (ends * size_mm) ** 2, hz, WANDERING) for w in carried[1]
+        OwnShape(name, "surface", w * course, (share * ends * size_mm) ** 2, hz, WANDERING)
+        for course, share in ((from_middle, 1.0), (parabola, 1.0 / 3.0))
+        for w in carried[1]
     ]
 
 

@@ -286,7 +286,7 @@ def test_a_rhythm_that_shows_no_more_than_is_unsure_is_nothing(record: Callable[
 
 
 def test_a_breath_of_one_cycle_wanders_within_its_trial(record: Callable[..., list[Trial]]) -> None:
-    """It is 4 % quicker than where it was found, and swells by a tenth: its shapes follow both."""
+    """It is 4 % quicker than where it was found, and swells by a tenth, or slows down by 6 %: its shapes follow."""
     there = _oscillating(record, "respiration", 0.25, repeats=3, hold_s=3.0)
     for trial, state in zip(there.trials, there.states, strict=True):
         touching = touches(trial, state, there.shared)
@@ -297,6 +297,10 @@ def test_a_breath_of_one_cycle_wanders_within_its_trial(record: Callable[..., li
         columns = np.array([s.shape for s in mine])[:, touching].T
         left = surface_mm - columns @ np.linalg.lstsq(columns, surface_mm)[0]
         assert np.std(left) < 0.01 * np.std(surface_mm)
+        u = (t - t[0]) / (t[-1] - t[0])
+        slowing_mm = np.cos(2 * np.pi * mine[0].at * (t[-1] - t[0]) * (1.06 * u - 0.06 * u**2) + 1.0)
+        left = slowing_mm - columns @ np.linalg.lstsq(columns, slowing_mm)[0]
+        assert np.std(left) < 0.02 * np.std(slowing_mm)
 
 
 def test_a_breath_is_as_large_as_it_is_wherever_it_was_looked_for(record: Callable[..., list[Trial]]) -> None:

@@ -41,7 +41,7 @@ def ranked(found: Sequence[Rival], account: Account) -> tuple[Rival, ...]:
 def weighed(
     account: Account, nothing: Account, adds: Mapping[str, float], among: Collection[str] | None = None
 ) -> list[Rival]:
-    """Return the effects that have enough evidence to be added, refitted; of laws only those ``among`` given names.
+    """Return the effects that have enough evidence to be added, refitted; only those ``among`` given names.
 
     ``nothing`` is the account without effects, ``adds`` what each present effect explains, where that is known. What
     the present laws leave by being off names no other: an effect must gain as much where they are granted to be off,
@@ -95,7 +95,7 @@ def as_rival(
     if gain < asked or not mends(refitted, account, nothing, gain):
         return []
     may_be_left, beyond = left.of(refitted, account, anew=anew)
-    if beyond < enough or (anew and stands_for_shape(refitted, account, gain)):
+    if min(beyond, gain - may_be_left) < enough or (anew and stands_for_shape(refitted, account, gain)):
         return []
     told = all(size_is_told(refitted, law) for law in refitted.fit.shared.laws if law.name == name)
     if not told or not brings_itself(refitted, name):

@@ -817,3 +817,33 @@ def test_one_law_stands_in_place_of_two_of_its_stage(
         # what does for both is considered beside what stands in their place
         assert rivals[names[1]][0].account is there
         assert "power_law_relaxation" in [r.name for r in rivals[names[1]]]
+
+
+@pytest.mark.parametrize(("gain", "named"), [(13.0, False), (60.0, True)])
+def test_what_is_gained_beside_what_is_foreseen_may_be_what_is_not(
+    monkeypatch: pytest.MonkeyPatch, gain: float, named: bool
+) -> None:
+    """A friction gained 370 nats beside a dashpot that is exact, 13 beside one that may be off, of which 13 may be
+    left over.
+    """
+
+    def account(granted: float, over_nothing: float) -> Account:
+        return cast(
+            Account,
+            SimpleNamespace(
+                granted=granted,
+                steps={},
+                fit=SimpleNamespace(states=(), shared=Shared()),
+                gain_over=lambda other: (over_nothing if other is None else gain, 1.0),
+                gain_by_itself=lambda other: (gain, 1.0),
+                granted_share=lambda nothing: 0.0,
+                let_go=lambda: None,
+            ),
+        )
+
+    monkeypatch.setattr(weighing, "brings_itself", lambda *_: True)
+    monkeypatch.setattr(weighing, "explains_itself", lambda *_: True)
+    left = cast(LeftOver, SimpleNamespace(of=lambda *_, anew: (13.3, 356.0)))
+    refitted, before = account(694.0, 15_820.0), account(901.0, 15_807.0)
+    found = weighing.as_rival("coulomb_friction", refitted, before, cast(Account, None), ENOUGH_SHARED, left)
+    assert bool(found) == named

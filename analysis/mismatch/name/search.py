@@ -90,6 +90,9 @@ def pruned(account: Account, newest: Rival, nothing: Account) -> tuple[Account, 
         enough = enough_for(name, account)
         if account.gain_over(without)[0] < enough / INEXACT:
             without = without.settled()
+        # beside an event others were looked for where it is not
+        for other in without.steps if anew else ():
+            without = begun_again(without, other, nothing)
         # led astray by what is missing, the others may predict worse than nothing
         without = max(without, nothing, key=lambda a: a.nats)
         if name != newest.name and anew:

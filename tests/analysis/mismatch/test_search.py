@@ -819,6 +819,26 @@ def test_one_law_stands_in_place_of_two_of_its_stage(
         assert "power_law_relaxation" in [r.name for r in rivals[names[1]]]
 
 
+def test_without_an_event_others_are_looked_for_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Beside pulses that stood for half of the shifts these were found where the pulses were not."""
+    shift, both = ("motion_artefact",), ("motion_artefact", "transient")
+    of = {shift: 300.0, both: 1000.0, ("transient",): 100.0}
+    account, anew = (
+        cast(Account, _Evidence(names, {**of, shift: nats}, steps=names))
+        for names, nats in ((both, 300.0), (shift, 1100.0))
+    )
+
+    def again(account: Account, name: str, nothing: Account) -> Account:
+        return anew if (account.names, name) == (shift, "motion_artefact") else account
+
+    monkeypatch.setattr(search, "begun_again", again)
+    monkeypatch.setattr(search, "own_options", lambda account, name: [])
+    monkeypatch.setattr(search, "stands_for_shape", lambda *_: False)
+    monkeypatch.setattr(search, "is_nothing", lambda account, name: False)
+    found, adds = pruned(account, Rival("motion_artefact", 400.0, 1.0, account), NOTHING)
+    assert (found, adds) == (anew, {})
+
+
 @pytest.mark.parametrize(("gain", "named"), [(13.0, False), (60.0, True)])
 def test_what_is_gained_beside_what_is_foreseen_may_be_what_is_not(
     monkeypatch: pytest.MonkeyPatch, gain: float, named: bool

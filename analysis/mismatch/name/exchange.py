@@ -12,6 +12,24 @@ from analysis.mismatch.name.weighing import considered
 from analysis.simulation.mechanism import library
 
 
+def named_for_nameless(named: Named, newest: str, start: Account) -> Named:
+    """Return what was named, with a rival that has a name in place of what has none, if that predicts as well.
+
+    While the newest effect was missing, what can stand for anything explained more than its rivals did.
+    """
+    account = named.account
+    for name in account.names:
+        rivals = [r.name for r in named.rivals.get(name, ()) if r.name in library()]
+        among = [rival for rival in rivals if rival not in account.names]
+        if name == newest or name in library() or not among:
+            continue
+        instead = _as_good(account, account.without(name).settled(), start, among)
+        if instead and not instead[0].is_another:
+            one = instead[0]
+            return Named(one.account, named.rivals | {one.name: instead}, {})
+    return named
+
+
 def one_for_two(named: Named, start: Account) -> Named:
     """Return what was named, with one law in place of two of its stage, if that predicts as well.
 

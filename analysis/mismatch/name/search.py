@@ -5,7 +5,7 @@ from __future__ import annotations
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.evidence.itself import beside_quick_noise, in_smooth_noise
 from analysis.mismatch.levels import ENOUGH_SHARED, INEXACT, MOST_EFFECTS
-from analysis.mismatch.name.exchange import one_for_two
+from analysis.mismatch.name.exchange import named_for_nameless, one_for_two
 from analysis.mismatch.name.options import begun_again, better, own_options
 from analysis.mismatch.name.rivals import Named, Rival, instead, told_apart
 from analysis.mismatch.name.weighing import (
@@ -31,8 +31,8 @@ def search(account: Account) -> Named:
         rivals = before.rivals | ({lead.name: (lead,)} if lead else {})
         rivals = {name: instead(others, step) for name, others in rivals.items()} | {best.name: step}
         account, adds = pruned(begun_again(best.settled_account(), best.name, start), best, start)
-        named = Named(account, rivals, adds)
-        nats = before.account.nats
+        named = named_for_nameless(Named(account, rivals, adds), best.name, start)
+        account, nats = named.account, before.account.nats
         needless = account.nats < nats + (0.0 if best.name in account.names else ENOUGH_SHARED)
         if needless and account.nats > nats and before is stands:
             stands = named

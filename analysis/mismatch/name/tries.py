@@ -11,6 +11,7 @@ from analysis.mismatch.fit.settled import settled_columns
 from analysis.mismatch.levels import CLOSE, FEWEST_HELD_OUT, REFITTED, SURE
 from analysis.mismatch.model.dictionary import templates
 from analysis.mismatch.name.options import Option, law_options, own_options
+from analysis.simulation.mechanism import library
 
 
 @dataclass(frozen=True)
@@ -33,14 +34,10 @@ def worth_trying(account: Account, nothing: Account, left: LeftOver, among: Coll
     enough must be left of it. Laws that are granted to be off may be so for want of one: what says most beside exact
     ones is tried, too. Of few trials all is tried: in their one tissue much is far from a line.
 
-    ``left`` are the nats that the present laws leave to laws and to others; ``among`` names the laws, where only some
-    are asked for, and nothing else.
+    ``left`` are the nats that the present laws leave to laws and to others; ``among`` names what is asked for, where
+    that is not all.
     """
-    wanted = templates(account.fit.trials, account.names)
-    if among is not None:
-        wanted = [t for t in wanted if t.name in among]
-        if not wanted:
-            return Tries({}, {})
+    wanted = [t for t in templates(account.fit.trials, account.names) if among is None or t.name in among]
     quick = account.quick()
     settled = settled_columns(quick.fit, wanted)
     listed = [law_options(account, nothing, wanted, settled)]
@@ -61,24 +58,22 @@ def worth_trying(account: Account, nothing: Account, left: LeftOver, among: Coll
     # a line drawn beside noise that took the mismatch up says little of how much there is
     taken_up = frozenset(o.name for o in worth[0]) if quick is not account else frozenset()
     signs = {o.name: o.nats for o in (*listed[0], *lead)}
-    elsewhere: list[Option] = []
-    if among is None:
-        anew = own_options(quick)
-        beside = anew if quick is account else own_options(account)
-        likely, likely_beside = (
-            promising(some, CLOSE * SURE * left.to_others.sum(), few) for some in (anew, beside)
-        )
-        says_most = {o.name for o in (*likely, *likely_beside)}
-        found = {o.name: o for o in (*beside, *anew)}
-        listed.append(list(found.values()))
-        worth.append([o for o in found.values() if o.name in says_most])
-        signs |= {o.name: o.nats for o in beside}
-        for looks_like in worth[-1]:
-            # of rhythms only the band that says most is listed
-            if looks_like.name not in signs:
-                signs |= {o.name: o.nats for o in own_options(account, looks_like.name)}
-        # found beside the noise it may be elsewhere, or be less bent by what else is slow
-        elsewhere = [o for o in likely_beside if o is not found[o.name]]
+    anew = own_among(quick, among)
+    beside = anew if quick is account else own_among(account, among)
+    likely, likely_beside = (
+        promising(some, CLOSE * SURE * left.to_others.sum(), few) for some in (anew, beside)
+    )
+    says_most = {o.name for o in (*likely, *likely_beside)}
+    found = {o.name: o for o in (*beside, *anew)}
+    listed.append(list(found.values()))
+    worth.append([o for o in found.values() if o.name in says_most])
+    signs |= {o.name: o.nats for o in beside}
+    for looks_like in worth[-1]:
+        # of rhythms only the band that says most is listed
+        if looks_like.name not in signs:
+            signs |= {o.name: o.nats for o in own_options(account, looks_like.name)}
+    # found beside the noise it may be elsewhere, or be less bent by what else is slow
+    elsewhere = [o for o in likely_beside if o is not found[o.name]]
     for some, every in zip(worth[1:], listed[1:], strict=True):
         # where one shows beside the noise something is there of its kind, and may be another that says more
         shown = [o.nats for o in every if signs.get(o.name, 0.0) > 0.5 * o.enough]
@@ -90,6 +85,12 @@ def worth_trying(account: Account, nothing: Account, left: LeftOver, among: Coll
     largest = {name: max(o.nats for some in listed for o in some if o.name == name) for name in options}
     in_order = sorted(options, key=lambda name: -largest[name])
     return Tries({name: options[name] for name in in_order}, largest, taken_up)
+
+
+def own_among(account: Account, among: Collection[str] | None) -> list[Option]:
+    """Return what might come in each trial anew, or of it what is asked for."""
+    names = [""] if among is None else [name for name in among if library()[name].form != "law"]
+    return [option for name in names for option in own_options(account, name)]
 
 
 def promising(options: list[Option], least: float, few: bool) -> list[Option]:

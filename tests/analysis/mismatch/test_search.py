@@ -819,6 +819,41 @@ def test_one_law_stands_in_place_of_two_of_its_stage(
         assert "power_law_relaxation" in [r.name for r in rivals[names[1]]]
 
 
+@pytest.mark.parametrize(
+    ("of_slip", "newest", "names"),
+    [
+        (990.0, "parallel_dashpot", ("parallel_dashpot", "slip")),
+        (800.0, "parallel_dashpot", ("parallel_dashpot", "zero_step")),
+        (990.0, "zero_step", ("parallel_dashpot", "zero_step")),
+    ],
+    ids=["as good", "worse", "just added"],
+)
+def test_a_name_stands_in_place_of_what_has_none(
+    monkeypatch: pytest.MonkeyPatch, of_slip: float, newest: str, names: tuple[str, ...]
+) -> None:
+    """A zero that steps explained more than a slip did while a dashpot was missing, and less beside that."""
+    dashpot, zero, instead = (
+        ("parallel_dashpot",),
+        ("parallel_dashpot", "zero_step"),
+        ("parallel_dashpot", "slip"),
+    )
+    of = {dashpot: 300.0, zero: 1000.0, instead: of_slip}
+    account, slip = (cast(Account, _Evidence(effects, of)) for effects in (zero, instead))
+    asked = []
+
+    def found(others: _Evidence, start: Account, adds: object, among: Sequence[str]) -> tuple[Rival, ...]:
+        asked.append((others.names, *among))
+        return (Rival("slip", of_slip - 300.0, 1.0, slip),)
+
+    monkeypatch.setattr(exchange, "considered", found)
+    monkeypatch.setattr(Rival, "is_another", False)
+    rivals = {"zero_step": (Rival("zero_step", 500.0, 1.0, account), Rival("slip", 400.0, 1.0, slip))}
+    there = exchange.named_for_nameless(Named(account, rivals, {}), newest, NOTHING)
+    assert asked == ([(dashpot, "slip")] if newest != "zero_step" else [])
+    assert there.account.names == names
+    assert ("slip" in there.rivals) == ("slip" in names)
+
+
 def test_without_an_event_others_are_looked_for_anew(monkeypatch: pytest.MonkeyPatch) -> None:
     """Beside pulses that stood for half of the shifts these were found where the pulses were not."""
     shift, both = ("motion_artefact",), ("motion_artefact", "transient")

@@ -46,15 +46,19 @@ def beside_quick_noise(account: Account, of: Account) -> Account:
     return max(account, account.at_noise(noise), key=lambda a: a.nats)
 
 
-def off_by_a_third(account: Account, name: str) -> bool:
-    """Return whether an effect is off by a third or more where it explains most: by so much another law is.
+def is_off(account: Account, name: str, gain: float) -> bool:
+    """Return whether an effect is off by a third or more where it explains most, and a tenth of what it gains is that.
 
-    Where all are likelier exact none is off.
+    By so much it is another law. All others are as far off as they are with it; where all are likelier exact none is.
     """
     if name not in account.may_be_off or not account.inexact:
         return False
     most = int(np.argmax(account.explained_by_phase[account.may_be_off.index(name)]))
-    return bool(np.isclose(account.inexact.of([name])[0, most], ROUGH))
+    if not np.isclose(account.inexact.of([name])[0, most], ROUGH):
+        return False
+    taken_as_exact = account.taken_as_exact | {name}
+    without = replace(account.exact, taken_as_exact=taken_as_exact).inexact_to(account.inexact)
+    return account.gain_over(without)[0] > SMALL_SHARE * gain
 
 
 def explains_itself(account: Account, before: Account, gain: float, asked: float) -> bool:

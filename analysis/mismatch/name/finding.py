@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.mismatch.evidence.account import Account
-from analysis.mismatch.evidence.itself import off_by_a_third
+from analysis.mismatch.evidence.itself import is_off
 from analysis.mismatch.fit.law_fit import at_bound
 from analysis.mismatch.levels import INEXACT, TEMPER, TWO_ERRORS, WORTH_NAMING
 from analysis.mismatch.name.law_sizes import law_sizes, loosened
@@ -28,7 +28,7 @@ LOOKED_AT = 60
 class Finding:
     """One effect: evidence (nats) lost without it, adjusted p-value, sizes, probability, alternatives by name.
 
-    One ``at_bound`` is at an end of what its law may be, or off by all that a law may be.
+    One ``at_bound`` is at an end of what its law may be, or off by more than what is named may be.
     """
 
     mechanism: Mechanism
@@ -77,7 +77,7 @@ def findings(named: Named, baseline: Account, lines: Sequence[Line]) -> tuple[Fi
                 sizes,
                 probability,
                 alternatives,
-                elsewhere or off_by_a_third(account, name),
+                elsewhere or is_off(account, name, evidence),
             )
         )
     for line in lines:

@@ -95,7 +95,7 @@ def as_rival(
     if gain < asked or not mends(refitted, account, nothing, gain):
         return []
     may_be_left, beyond = left.of(refitted, account, anew=anew)
-    if min(beyond, gain - may_be_left) < enough or (anew and stands_for_shape(refitted, account, gain)):
+    if beyond < enough or gain < may_be_left or (anew and stands_for_shape(refitted, account, gain)):
         return []
     told = all(size_is_told(refitted, law) for law in refitted.fit.shared.laws if law.name == name)
     if not told or not brings_itself(refitted, name):

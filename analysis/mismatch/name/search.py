@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.evidence.itself import beside_quick_noise, in_smooth_noise
 from analysis.mismatch.levels import ENOUGH_SHARED, INEXACT, MOST_EFFECTS
@@ -44,7 +46,8 @@ def search(account: Account) -> Named:
         elif before is not stands:
             # nor is it with one more beside it
             break
-    stands = one_for_two(stands, start)
+    # what was considered later says who stood in an effect's place by chance, also where nothing of it was taken
+    stands = one_for_two(replace(stands, rivals=named.rivals), start)
     found = {name: stands.rivals[name] for name in stands.account.names}
     return Named(in_smooth_noise(told_apart(stands.account, found)), found, stands.adds)
 

@@ -82,6 +82,8 @@ def law_options(
 
     ``settled`` is what each template changes in each trial, by `settled_columns`.
     """
+    if not wanted:
+        return []
     fit = account.fit
     known = account if beside_exact else account.as_off
     present = len(known.precision)

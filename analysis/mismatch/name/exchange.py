@@ -60,7 +60,7 @@ def one_for_two(named: Named, start: Account) -> Named:
 def _as_good(account: Account, others: Account, start: Account, among: Collection[str]) -> tuple[Rival, ...]:
     """Return what of some effects is worth adding to the others of an account, the best of them settled and first.
 
-    None, if that does not predict as well as the account. ``start`` is the one without effects.
+    Nothing, if that does not predict as well as the account. ``start`` is the one without effects.
     """
     step = considered(others, start, {}, among)
     if not step:

@@ -233,7 +233,8 @@ def _slow_shapes(
     """Return the shapes of a rhythm of few cycles, which is there while the surface is touched.
 
     One that hat functions leave steady still wanders: by a share of `WANDERS` quicker or slower it is ahead or behind
-    by 2 pi f T WANDERS / 2 at either end of the T in which it shows, and its size may go with time by as much.
+    by 2 pi f T WANDERS / 2 at either end of the T in which it shows, and its size may go with time by as much. A rate
+    that changes evenly by that share either way bends its phase by a third of that, times Legendre's parabola.
     """
     carried = {number: hat_waves(trial, hz, number).T for number in overtones(hz)}
     shapes = [

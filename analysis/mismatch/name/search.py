@@ -53,10 +53,19 @@ def search(account: Account) -> Named:
 
 
 def is_more_than_noise(account: Account, before: Account) -> bool:
-    """Return whether what was added to an account gains enough over nothing in smooth noise."""
+    """Return whether what was added to an account gains enough over nothing in smooth noise.
+
+    What comes in each trial anew is to be more beside the quick part of that: the slow part stands for it, and is kept
+    from it. For a law, which all trials share, no noise stands, and what else is slow may be noise beside it, too.
+    """
     smooth = in_smooth_noise(before)
-    enough = sum(enough_for(name, account) for name in account.names if name not in before.names)
-    return smooth is before or beside_quick_noise(account, smooth).nats >= smooth.nats + enough
+    added = [name for name in account.names if name not in before.names]
+    if smooth is before:
+        return True
+    there = beside_quick_noise(account, smooth).nats
+    if not any(name in account.steps for name in added):
+        there = max(there, in_smooth_noise(account).nats)
+    return there >= smooth.nats + sum(enough_for(name, account) for name in added)
 
 
 def next_step(named: Named, nothing: Account) -> tuple[tuple[Rival, ...], Rival | None]:

@@ -703,6 +703,20 @@ def test_what_slow_noise_of_a_band_explains_is_not_named(
     assert search.search(NOTHING).account is (slip if named else smooth)
 
 
+@pytest.mark.parametrize(("steps", "named"), [((), True), (("slip",), False)], ids=["a law", "anew"])
+def test_for_what_all_trials_share_no_noise_stands(
+    monkeypatch: pytest.MonkeyPatch, steps: tuple[str, ...], named: bool
+) -> None:
+    """A third arm of 318 nats beside a friction was none: nothing beside that in noise of a band gained 593."""
+    alone = cast(Account, _Evidence(("slip",), {("slip",): 900.0}, steps=steps))
+    in_noise = cast(Account, _Evidence(("slip",), {("slip",): 1170.0}, steps=steps))
+    nothing_in_noise = cast(Account, _Evidence((), {(): 980.0}))
+    monkeypatch.setattr(search, "in_smooth_noise", lambda a: in_noise if a.names else nothing_in_noise)
+    monkeypatch.setattr(search, "beside_quick_noise", lambda account, of: account)
+    assert search.is_more_than_noise(alone, NOTHING) is named
+    assert not search.is_more_than_noise(replace(alone, steps=("slip",)), NOTHING)
+
+
 @pytest.mark.parametrize(("pair", "named"), [(1500.0, True), (1000.0, False)], ids=["more", "no more"])
 def test_what_is_no_more_than_noise_by_itself_may_be_so_with_one_beside_it(
     monkeypatch: pytest.MonkeyPatch, pair: float, named: bool

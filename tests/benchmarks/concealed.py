@@ -47,7 +47,7 @@ def as_truth(number: int, told: Mapping[str, Any]) -> Truth:
             str(e["name"]),
             e["stage"] != "outside",
             {k: float(p["value"]) for k, p in e["parameters"].items() if p["value"] is not None},
-            tuple(told.get("phase", ())),
+            tuple(told.get("phase") or ()),
             float("nan"),
         )
         for e in told["effects"]

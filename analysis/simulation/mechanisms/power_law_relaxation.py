@@ -25,7 +25,7 @@ class PowerLawRelaxation(Mechanism):
 
     name = "power_law_relaxation"
     stage = "tissue"
-    of_site = ("coefficient_mn_per_mm",)
+    of_site = ("coefficient_mn_per_mm", "exponent")
     parameters = (
         Parameter("coefficient_mn_per_mm", "mN/mm", 0.0, 1.0e4),
         Parameter("exponent", "1", 0.02, 0.95),

@@ -134,6 +134,8 @@ class Mechanism:
     ``inseparable`` names mechanisms of the same shape to the eye of any one experiment of this kind; they are listed
     as alternatives however well one of the two laws fits. ``separated_by`` says what tells them apart.
 
+    One that ``relaxes`` adds to the times in which the tissue does. Beside it another says how rough it is, no more.
+
     ``form`` tells how its unknowns are found: a ``law`` shares all parameters over trials, an ``oscillation``
     has a phase of its own in every trial, an ``event`` a time (and maybe size) of its own in every trial, the
     ``servo`` is seen in the position, the ``ramp`` is the step of the textbook baseline undone.
@@ -155,6 +157,7 @@ class Mechanism:
     source: ClassVar[str] = ""
     separated_by: ClassVar[str] = ""
     inseparable: ClassVar[tuple[str, ...]] = ()
+    relaxes: ClassVar[bool] = False
 
     def holds(self, p: Values, depth_mm: float) -> bool:
         """Whether the law is what its source says of it, in a study of this largest depth."""

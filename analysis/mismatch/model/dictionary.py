@@ -42,12 +42,17 @@ class Template:
 
 
 def templates(trials: Sequence[CellTrial], without: Collection[str] = ()) -> list[Template]:
-    """Return the settings at which these trials could show each law of the library."""
+    """Return the settings at which these trials could show each law of the library that is none of those ``without``.
+
+    Of those that relax there is one: beside it another would say no more than how rough it is.
+    """
     peak_mn = max(float(np.ptp(t.force_mn)) for t in trials)
     depth_mm = max(t.study_depth_mm for t in trials)
     found = []
+    relaxing = any(library()[name].relaxes for name in without if name in library())
     for m in library().values():
-        if m.form != "law" or m.name in without or not any(m.applies(t) for t in trials):
+        is_another = m.name not in without and not (m.relaxes and relaxing)
+        if m.form != "law" or not is_another or not any(m.applies(t) for t in trials):
             continue
         for probe in m.probe_settings(peak_mn, depth_mm):
             found.append(Template(m, {**m.null, **probe}, tuple(probe)))

@@ -34,6 +34,7 @@ class PoroelasticDrainage(Mechanism):
     words = "fluid is pressed out from under the punch and drains away through the tissue"
     source = "Hu, Zhao, Vlassak, Suo, Appl. Phys. Lett. 96:121904 (2010), flat punch"
     separated_by = "a longer hold, a second punch radius"
+    relaxes = True
     inseparable = ("third_relaxation",)
 
     def tissue_force_mn(

@@ -40,6 +40,7 @@ class PowerLawRelaxation(Mechanism):
     words = "the tissue relaxes by a power law, over all times at once, instead of with two times only"
     source = "spring-pot (fractional element)"
     separated_by = "a longer hold"
+    relaxes = True
 
     def tissue_force_mn(
         self, trial: CellTrial, depth_mm: FloatArray, tissue: Tissue | Tissues, p: Values

@@ -26,6 +26,7 @@ class ThirdRelaxation(Mechanism):
     words = "the tissue relaxes with a third time constant that the two arms of the model do not have"
     source = "Maxwell-Weichert solid with three arms"
     separated_by = "a longer hold, a second punch radius"
+    relaxes = True
     inseparable = ("poroelastic_drainage",)
 
     def exchanged(self, tissue: Tissue, p: Values, arm: int) -> tuple[Tissue, Values]:

@@ -1,4 +1,4 @@
-"""Laws by which a tissue relaxes: another one at every site."""
+"""Laws by which a tissue relaxes: one besides its two arms, rough in its times, another one at every site."""
 
 from __future__ import annotations
 
@@ -11,11 +11,13 @@ import pytest
 from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.fit.law_fit import fit_laws
 from analysis.mismatch.fit.study_fit import StudyFit, with_own_values
+from analysis.mismatch.model.dictionary import templates
 from analysis.mismatch.model.effects import Law, simulate
 from analysis.mismatch.study.intake import take_in_memory
 from analysis.recordings.trial import Trial
 from analysis.simulation.mechanism import library
 
+RELAXING = {"third_relaxation", "power_law_relaxation", "poroelastic_drainage"}
 POWER = {"coefficient_mn_per_mm": 20.0, "exponent": 0.3, "begins_s": 1e-4}
 
 
@@ -40,6 +42,16 @@ def _recorded(fit: StudyFit, force_mn: Callable[[int], np.ndarray]) -> StudyFit:
         for j, (t, s) in enumerate(zip(fit.trials, fit.states, strict=True))
     ]
     return replace(fit, trials=tuple(trials))
+
+
+def test_of_what_relaxes_one_is_looked_for(nothing: StudyFit) -> None:
+    """Arms, a power and drainage are one spectrum: beside one of them another says how rough it is, no more."""
+    assert {t.name for t in templates(nothing.trials)} >= RELAXING
+    assert {t.name for t in templates(nothing.trials, ("adhesion", "transient"))} >= RELAXING
+    for present in RELAXING:
+        found = {t.name for t in templates(nothing.trials, (present,))}
+        assert not found & RELAXING
+        assert "parallel_dashpot" in found
 
 
 def test_the_power_by_which_skin_relaxes_is_each_site_s_own(nothing: StudyFit) -> None:

@@ -15,6 +15,11 @@ from numpy.typing import NDArray
 from analysis.simulation.cells import CellTrial
 
 FloatArray = NDArray[np.float64]
+
+OTHER_TIMES = (0.5, 2.0)
+"""Times its own, at which a part of what takes time may act."""
+TIME_UNITS = ("s", "ms")
+
 Values = Mapping[str, float]
 Stage = Literal["lever", "contact", "tissue", "sensor", "specimen"]
 Form = Literal["law", "oscillation", "event", "servo", "ramp"]
@@ -162,6 +167,18 @@ class Mechanism:
     def holds(self, p: Values, depth_mm: float) -> bool:
         """Whether the law is what its source says of it, in a study of this largest depth."""
         return True
+
+    def otherwise(self, p: Values) -> tuple[Values, ...]:
+        """Settings by which a part of it may act instead: what takes time, at other times than its own.
+
+        No skin has one time only, and no filter one pole.
+        """
+        times = [q for q in self.parameters if q.unit in TIME_UNITS and not q.inner and q.name in p]
+        return tuple(
+            {**p, **{q.name: min(max(by * p[q.name], q.lower), q.upper) for q in times}}
+            for by in OTHER_TIMES
+            if times
+        )
 
     def surface_mm(self, trial: CellTrial, tissue: Tissue | Tissues, p: Values) -> FloatArray | float:
         """How far the surface has moved towards the arm, (n,), mm."""

@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 
 from analysis.mismatch.evidence.heldout import predictive_deviance
 from analysis.mismatch.evidence.inexactness import (
-    MOMENTS,
     PER_PHASE,
     exact_state,
+    foreseen_columns,
+    foreseen_precision,
     inexact_columns,
     inexact_effects,
     inexact_names,
     inexact_precision,
     off_coefficients,
-    sample_columns,
     with_inexactness,
 )
 from analysis.mismatch.evidence.shares import EXACT, Shares, even_shares, likeliest_shares
@@ -72,16 +72,16 @@ class Account:
         trial, effects = fit.trials[j], inexact_effects(fit, j, self.may_be_off)
         of_laws = [
             law_columns(trial, fit.states[j], fit.shared) * with_room(fit.shared),
-            sample_columns(trial, effects),
+            foreseen_columns(fit, j, effects),
         ]
         return np.hstack([*of_laws, inexact_columns(trial, effects)] if self.inexact else of_laws)
 
     @property
     def precision(self) -> FloatArray:
         """What is known (K,) of the coefficients of `columns` before any trial is weighed by them."""
-        in_samples = np.ones(len(self.may_be_off) * len(PHASE_NAMES) * MOMENTS)
+        foreseen = foreseen_precision(self.fit.shared, len(self.may_be_off))
         off = inexact_precision(self.inexact, self.may_be_off) if self.inexact else np.zeros(0)
-        return np.concatenate([known_beforehand(self.fit.shared), in_samples, off])
+        return np.concatenate([known_beforehand(self.fit.shared), foreseen, off])
 
     @cached_property
     def explained_by_phase(self) -> FloatArray:

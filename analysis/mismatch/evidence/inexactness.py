@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from analysis.mismatch.evidence.shares import OffCoefficients, Shares
 from analysis.mismatch.fit.study_fit import StudyFit
-from analysis.mismatch.levels import UNFORESEEN
-from analysis.mismatch.model.effects import OwnShape, TrialState, own_effects, simulate
+from analysis.mismatch.levels import INEXACT, UNFORESEEN
+from analysis.mismatch.model.effects import OwnShape, Shared, TrialState, own_effects, simulate
 from analysis.recordings.trial import PHASE_NAMES
 from analysis.simulation.cells import CellTrial
 
@@ -137,6 +137,30 @@ def inexact_columns(trial: CellTrial, effects: Sequence[FloatArray]) -> FloatArr
                 at_once = mine[np.argmax(np.abs(mine))] * np.exp((t[0] - t) / SETTLES_S)
                 orders = mine[:, None] * legvander(u, SMOOTH + ROUGHER - 1)
                 columns[-1][inside] = np.column_stack((orders[:, :SMOOTH], at_once, orders[:, SMOOTH:]))
+    return np.hstack(columns)
+
+
+def foreseen_columns(fit: StudyFit, j: int, effects: Sequence[FloatArray]) -> FloatArray:
+    """Return what effects leave over in the j-th trial, exact or not (n, D), mN: in a sample, and in other ways."""
+    return np.hstack([sample_columns(fit.trials[j], effects), other_columns(fit, j)])
+
+
+def foreseen_precision(shared: Shared, n_effects: int) -> FloatArray:
+    """Return what is known (D,) of the coefficients of `foreseen_columns`: a law is right to a tenth."""
+    ways = sum(len(law.mechanism.otherwise(law.values)) for law in shared.laws)
+    return np.append(np.ones(n_effects * len(PHASE_NAMES) * MOMENTS), np.full(ways, INEXACT**-2.0))
+
+
+def other_columns(fit: StudyFit, j: int) -> FloatArray:
+    """Return how the j-th trial's force differs (n, K), mN, with each law acting in one of its other ways."""
+    trial, state, shared = fit.trials[j], fit.states[j], fit.shared
+    own = own_effects(state)
+    whole = simulate(trial, state, shared, own)
+    columns = [np.zeros((len(whole), 0))]
+    for at, law in enumerate(shared.laws):
+        for values in law.mechanism.otherwise(law.values):
+            laws = (*shared.laws[:at], replace(law, values=values), *shared.laws[at + 1 :])
+            columns.append((simulate(trial, state, replace(shared, laws=laws), own) - whole)[:, None])
     return np.hstack(columns)
 
 

@@ -8,16 +8,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.fit.law_fit import fit_laws
 from analysis.mismatch.fit.study_fit import StudyFit, with_own_values
+from analysis.mismatch.levels import ENOUGH_SHARED
 from analysis.mismatch.model.dictionary import templates
 from analysis.mismatch.model.effects import Law, simulate
 from analysis.mismatch.study.intake import take_in_memory
 from analysis.recordings.trial import Trial
-from analysis.simulation.mechanism import library
+from analysis.simulation.mechanism import Mechanism, library
 
 RELAXING = {"third_relaxation", "power_law_relaxation", "poroelastic_drainage"}
+THIRD = {"ratio_to_k0": 2.0, "time_constant_s": 0.3}
 POWER = {"coefficient_mn_per_mm": 20.0, "exponent": 0.3, "begins_s": 1e-4}
 
 
@@ -44,6 +47,24 @@ def _recorded(fit: StudyFit, force_mn: Callable[[int], np.ndarray]) -> StudyFit:
     return replace(fit, trials=tuple(trials))
 
 
+@pytest.fixture(scope="module")
+def relaxing(nothing: StudyFit) -> Account:
+    """The account of a third arm of which a tenth acts at 2.2 times its time."""
+    there, later = (
+        _with(
+            nothing, _law("third_relaxation", {**THIRD, "time_constant_s": times * THIRD["time_constant_s"]})
+        )
+        for times in (1.0, 2.2)
+    )
+
+    def force_mn(j: int) -> np.ndarray:
+        trial, state = nothing.trials[j], nothing.states[j]
+        return 0.9 * simulate(trial, state, there.shared) + 0.1 * simulate(trial, state, later.shared)
+
+    recorded = with_own_values(_recorded(nothing, force_mn))
+    return Account(recorded).with_laws(there.shared.laws)
+
+
 def test_of_what_relaxes_one_is_looked_for(nothing: StudyFit) -> None:
     """Arms, a power and drainage are one spectrum: beside one of them another says how rough it is, no more."""
     assert {t.name for t in templates(nothing.trials)} >= RELAXING
@@ -52,6 +73,14 @@ def test_of_what_relaxes_one_is_looked_for(nothing: StudyFit) -> None:
         found = {t.name for t in templates(nothing.trials, (present,))}
         assert not found & RELAXING
         assert "parallel_dashpot" in found
+
+
+def test_a_part_of_an_arm_at_another_time_is_foreseen(
+    relaxing: Account, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    foreseen = relaxing.nats
+    monkeypatch.setattr(Mechanism, "otherwise", lambda mechanism, p: ())
+    assert foreseen > replace(relaxing).nats + ENOUGH_SHARED
 
 
 def test_the_power_by_which_skin_relaxes_is_each_site_s_own(nothing: StudyFit) -> None:

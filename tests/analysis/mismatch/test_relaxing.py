@@ -10,11 +10,12 @@ import pytest
 
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.baseline import fit_baseline
-from analysis.mismatch.fit.law_fit import fit_laws
+from analysis.mismatch.fit.law_fit import fit_laws, with_value
 from analysis.mismatch.fit.study_fit import StudyFit, with_own_values
 from analysis.mismatch.levels import ENOUGH_SHARED
 from analysis.mismatch.model.dictionary import templates
 from analysis.mismatch.model.effects import Law, simulate
+from analysis.mismatch.name.options import at_likeliest_times
 from analysis.mismatch.study.intake import take_in_memory
 from analysis.recordings.trial import Trial
 from analysis.simulation.mechanism import Mechanism, library
@@ -81,6 +82,20 @@ def test_a_part_of_an_arm_at_another_time_is_foreseen(
     foreseen = relaxing.nats
     monkeypatch.setattr(Mechanism, "otherwise", lambda mechanism, p: ())
     assert foreseen > replace(relaxing).nats + ENOUGH_SHARED
+
+
+def test_a_time_that_trials_keep_is_begun_from_others(relaxing: Account) -> None:
+    """By one trial several times are likely: each fitted about a wrong one, they keep the law there."""
+    (law,) = relaxing.fit.shared.laws
+    found_s = law.values["time_constant_s"]
+    p = next(p for p in law.parameters if p.name == "time_constant_s")
+    elsewhere = with_value(relaxing.fit.shared, 0, p, p.to_fit(found_s) + np.log(4.0))
+    kept = replace(relaxing, fit=replace(relaxing.fit, shared=elsewhere))
+    again = at_likeliest_times(kept)
+    assert again.nats > kept.nats + ENOUGH_SHARED
+    assert again.fit.shared.laws[0].values["time_constant_s"] == pytest.approx(found_s, rel=0.05)
+    # what has no time of its own in each trial stays as it is
+    assert at_likeliest_times(Account(nothing := relaxing.without("third_relaxation").fit)).fit is nothing
 
 
 def test_the_power_by_which_skin_relaxes_is_each_site_s_own(nothing: StudyFit) -> None:

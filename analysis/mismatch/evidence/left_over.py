@@ -56,9 +56,9 @@ def left_over(account: Account, explained: float, adds: Mapping[str, float]) -> 
     own = min(sum(adds.get(name, explained) for name in rhythms), explained)
     names = account.may_be_off
     whole = float(acting(account, names).sum())
-    unforeseen = acting(account, names, UNFORESEEN * account.as_off.inexact.of(names)).sum(axis=0) / max(
-        whole, TINY
-    )
+    # what is smooth tells by how much a law is off in that, but not that it is right in all else
+    shares = np.maximum(account.as_off.inexact.of(names), INEXACT)
+    unforeseen = acting(account, names, UNFORESEEN * shares).sum(axis=0) / max(whole, TINY)
     others = (explained - own) * unforeseen
     of_rhythms = INEXACT**2 * own * shares_of_all(acting(account, rhythms))
     return LeftOver(others + of_rhythms / n, others + of_rhythms)

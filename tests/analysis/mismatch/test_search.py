@@ -458,6 +458,9 @@ def test_what_effects_leave_over_is_what_is_not_foreseen_of_them(monkeypatch: py
     rough = replace(law, inexact=Shares({"force_lag": by_phase}))
     rougher = unforeseen * (by_phase / INEXACT) ** 2
     np.testing.assert_allclose(left_over.left_over(rough, 9000.0, {}).to_laws, rougher)
+    # but exact where it was foreseen, it need not be so where it was not
+    exact = replace(law, inexact=Shares({"force_lag": 0.001 * by_phase}))
+    np.testing.assert_allclose(left_over.left_over(exact, 9000.0, {}).to_laws, unforeseen)
 
 
 def test_a_rhythm_leaves_more_than_what_is_granted_to_be_off(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -147,21 +147,27 @@ def foreseen_columns(fit: StudyFit, j: int, effects: Sequence[FloatArray]) -> Fl
 
 def foreseen_precision(shared: Shared, n_effects: int) -> FloatArray:
     """Return what is known (D,) of the coefficients of `foreseen_columns`: a law is right to a tenth."""
-    ways = sum(len(law.mechanism.otherwise(law.values)) for law in shared.laws)
-    return np.append(np.ones(n_effects * len(PHASE_NAMES) * MOMENTS), np.full(ways, INEXACT**-2.0))
+    in_samples = np.ones(n_effects * len(PHASE_NAMES) * MOMENTS)
+    return np.append(in_samples, np.full(len(other_ways(shared)), INEXACT**-2.0))
+
+
+def other_ways(shared: Shared) -> list[Shared]:
+    """Return what is shared with each law acting in each of its other ways (K)."""
+    return [
+        replace(shared, laws=(*shared.laws[:at], replace(law, values=values), *shared.laws[at + 1 :]))
+        for at, law in enumerate(shared.laws)
+        for values in law.mechanism.otherwise(law.values)
+    ]
 
 
 def other_columns(fit: StudyFit, j: int) -> FloatArray:
-    """Return how the j-th trial's force differs (n, K), mN, with each law acting in one of its other ways."""
-    trial, state, shared = fit.trials[j], fit.states[j], fit.shared
+    """Return how the j-th trial's force differs (n, K), mN, in each of `other_ways`."""
+    trial, state, ways = fit.trials[j], fit.states[j], other_ways(fit.shared)
+    if not ways:
+        return np.zeros((len(trial.time_s), 0))
     own = own_effects(state)
-    whole = simulate(trial, state, shared, own)
-    columns = [np.zeros((len(whole), 0))]
-    for at, law in enumerate(shared.laws):
-        for values in law.mechanism.otherwise(law.values):
-            laws = (*shared.laws[:at], replace(law, values=values), *shared.laws[at + 1 :])
-            columns.append((simulate(trial, state, replace(shared, laws=laws), own) - whole)[:, None])
-    return np.hstack(columns)
+    whole = simulate(trial, state, fit.shared, own)
+    return np.column_stack([simulate(trial, state, way, own) - whole for way in ways])
 
 
 def sample_columns(trial: CellTrial, effects: Sequence[FloatArray]) -> FloatArray:

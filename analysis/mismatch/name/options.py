@@ -256,8 +256,7 @@ def at_likeliest_times(account: Account) -> Account:
             exact = account.exact
             for away in TIMES_AWAY:
                 there = with_value(exact.fit.shared, at, p, p.to_fit(law.values[p.name]) + away)
-                begun = replace(exact, fit=fit_laws(replace(exact.fit, shared=there)))
-                best = max(best, begun.with_laws(begun.fit.shared.laws).reweighed(), key=lambda a: a.nats)
+                best = max(best, exact.with_laws(there.laws).reweighed(), key=lambda a: a.nats)
     return best
 
 

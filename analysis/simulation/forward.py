@@ -52,6 +52,23 @@ def _smooth_kink(rows: FloatArray, w: FloatArray) -> FloatArray:
     return depth
 
 
+@njit(cache=True)
+def _lifted(rows: FloatArray, time_s: FloatArray, widths_s: FloatArray) -> FloatArray:
+    """Return max(force, 0) of rows (m, n), averaged over each cell, in which the force goes on in a line."""
+    force = np.maximum(rows, 0.0)
+    last = len(time_s) - 1
+    for row in range(len(rows)):
+        free = rows[row]
+        for i in range(len(free)):
+            before, after = max(i - 1, 0), min(i + 1, last)
+            if free[before] > 0.0 and free[after] > 0.0:
+                continue
+            a = 0.5 * abs(free[after] - free[before]) * widths_s[i] / (time_s[after] - time_s[before])
+            if abs(free[i]) < a:
+                force[row, i] = (free[i] + a) ** 2 / (4.0 * a)
+    return force
+
+
 def simulate_force(
     trial: CellTrial,
     tissue: Tissue | Tissues,
@@ -62,6 +79,7 @@ def simulate_force(
     surface_mm: FloatArray | float = 0.0,
     lost_share: FloatArray | float = 0.0,
     ideal_step: bool = False,
+    averaged: bool = False,
 ) -> FloatArray:
     """Return the recorded force (n,) of a trial in mN.
 
@@ -70,7 +88,8 @@ def simulate_force(
     of either, or of m tissues side by side, the force is (m, n).
     ``rigid_stiffness`` (mN/mm) is that of a block, where it is another than the trial states.
     ``ideal_step``: the textbook simplification, in which the indentation of the hold was reached at once at
-    the end of the ramp.
+    the end of the ramp. ``averaged``: where contact ends within a cell the force is the mean over it, not what the
+    middle of the cell has.
     """
     added = [(m, p) for m, p in added if m.applies(trial)]
     if rigid_stiffness is None:
@@ -92,7 +111,7 @@ def simulate_force(
             tip = x
             for m, p in added:
                 tip = m.tip_mm(trial, tip, contact, p)
-            new = _contact_force(trial, tip, z0, tissue, added, rigid_stiffness, ideal_step)
+            new = _contact_force(trial, tip, z0, tissue, added, rigid_stiffness, ideal_step, averaged)
             contact = new if rounds == 1 else _relaxed(contact, new, trial, tissue, added, rigid_stiffness)
         contact = contact * (1.0 - lost_share)
     force = contact
@@ -131,6 +150,7 @@ def _contact_force(
     added: Sequence[tuple[Mechanism, Values]],
     rigid_stiffness: float,
     ideal_step: bool,
+    averaged: bool,
 ) -> FloatArray:
     depth = indentation(tip, z0, trial)
     if trial.kind == "rigid_target":
@@ -142,6 +162,8 @@ def _contact_force(
     for m, p in added:
         free = free + m.tissue_force_mn(trial, depth, tissue, p)
     touching = np.maximum(free, 0.0)
+    if averaged:
+        touching = _lifted(free.reshape(-1, free.shape[-1]), trial.time_s, trial.widths_s).reshape(free.shape)
     for m, p in added:
         touching = m.contact_force_mn(trial, free, touching, p)
     return touching

@@ -141,13 +141,22 @@ def inexact_columns(trial: CellTrial, effects: Sequence[FloatArray]) -> FloatArr
 
 
 def foreseen_columns(fit: StudyFit, j: int, effects: Sequence[FloatArray]) -> FloatArray:
-    """Return what effects leave over in the j-th trial, exact or not (n, D), mN: in a sample, and in other ways."""
-    return np.hstack([sample_columns(fit.trials[j], effects), other_columns(fit, j)])
+    """Return what is left over in the j-th trial, exact or not (n, D), mN: in a sample, and in other ways.
+
+    Whether a card averages over a sample no recording says, and a punch that leaves quickly makes of that an
+    eighth of what the force changes by in one.
+    """
+    trial, state, shared = fit.trials[j], fit.states[j], fit.shared
+    own = own_effects(state)
+    averaged = simulate(trial, state, replace(shared, averaged=True), own) - simulate(
+        trial, state, shared, own
+    )
+    return np.hstack([averaged[:, None], sample_columns(trial, effects), other_columns(fit, j)])
 
 
 def foreseen_precision(shared: Shared, n_effects: int) -> FloatArray:
     """Return what is known (D,) of the coefficients of `foreseen_columns`: a law is right to a tenth."""
-    in_samples = np.ones(n_effects * len(PHASE_NAMES) * MOMENTS)
+    in_samples = np.ones(1 + n_effects * len(PHASE_NAMES) * MOMENTS)
     return np.append(in_samples, np.full(len(other_ways(shared)), INEXACT**-2.0))
 
 

@@ -179,12 +179,14 @@ class Shared:
     """What all trials share: the laws that were added, the stiffness of a block, the textbook's ideal step.
 
     ``delay_samples`` is how much later than the position the force is sampled: two converters are never quite at one.
+    ``averaged``: where contact ends within a cell the force is the mean over it, as of a card that averages.
     """
 
     laws: tuple[Law, ...] = ()
     rigid_stiffness: float = 2.0 * RIGID_STIFFNESS_MN_PER_MM
     ideal_step: bool = False
     delay_samples: float = 0.0
+    averaged: bool = False
 
 
 def values_here(law: Law, state: TrialState) -> Values:
@@ -258,6 +260,7 @@ def simulate(
         surface_mm=added.get("surface", 0.0),
         lost_share=added.get("share", 0.0),
         ideal_step=shared.ideal_step,
+        averaged=shared.averaged,
     )
     if shared.delay_samples:
         simulated = simulated + shared.delay_samples * delayed(trial, simulated)

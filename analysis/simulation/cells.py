@@ -46,7 +46,7 @@ class CellTrial:
     ``pressed_before`` is the indentation before this one, where it is known: its depth (mm), and how long before the
     first sample it ended (s). ``study_depth_mm`` is the largest depth of all trials that are compared (in the air: the
     travel). ``lever`` tells whether the tip is that of a lever arm. ``finger`` is whose and which finger, as far as was
-    stated.
+    stated. ``punch_ratio`` is the diameter of its flat punch over that of the study's.
     """
 
     label: str
@@ -77,6 +77,7 @@ class CellTrial:
     study_depth_mm: float = 1.0
     lever: bool = True
     finger: str = ""
+    punch_ratio: float = 1.0
     fitted: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
     uneven_s: FloatArray | None = None
 

@@ -138,7 +138,7 @@ def _relaxed(
     for m, p in added:
         if m.needs_force:
             slope += float(np.mean(m.tip_mm(trial, np.zeros_like(old), probe, p)))
-    stiffness = rigid_stiffness if trial.kind == "rigid_target" else tissue.stiffness
+    stiffness = rigid_stiffness if trial.kind == "rigid_target" else trial.punch_ratio * tissue.stiffness
     return old + (new - old) / (1.0 - slope * stiffness)
 
 
@@ -161,6 +161,7 @@ def _contact_force(
     free = tissue.k0 * depth + arms_force(depth, steps, *tissue.arms)
     for m, p in added:
         free = free + m.tissue_force_mn(trial, depth, tissue, p)
+    free = trial.punch_ratio * free  # on one skin a flat punch's force grows with its diameter (Sneddon 1965)
     touching = np.maximum(free, 0.0)
     if averaged:
         touching = _lifted(free.reshape(-1, free.shape[-1]), trial.time_s, trial.widths_s).reshape(free.shape)

@@ -136,7 +136,7 @@ class Mechanism:
     ``of_site`` are the parameters that are the skin's where it was pressed, and differ between sites as the tissue's
     constants do.
 
-    ``inseparable`` names mechanisms of the same shape to the eye of any one experiment of this kind; they are listed
+    ``inseparable`` names mechanisms of the same shape to the eye of any experiment with one punch; they are listed
     as alternatives however well one of the two laws fits. ``separated_by`` says what tells them apart.
 
     One that ``relaxes`` adds to the times in which the tissue does. Beside it another says how rough it is, no more.

@@ -34,7 +34,9 @@ def start_tissue(
     skin = [trials[j] for j in used]
     longest = longest_s(skin)
     taus = np.geomspace(longest / PARTS_RESOLVED, longest, 9)
-    depths = [indentation(t.position_mm, contacts_mm[j], t) for j, t in zip(used, skin, strict=True)]
+    depths = [
+        t.punch_ratio * indentation(t.position_mm, contacts_mm[j], t) for j, t in zip(used, skin, strict=True)
+    ]
     weights = [np.sqrt(t.counts) * (t.fitted & ~t.retracting) for t in skin]
     y = np.concatenate([forces_mn[j] * w for j, w in zip(used, weights, strict=True)])
     elastic = np.concatenate([d * w for d, w in zip(depths, weights, strict=True)])

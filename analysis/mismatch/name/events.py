@@ -180,10 +180,11 @@ def drop_goes_on(trial: CellTrial, state: TrialState, force_mn: FloatArray, time
     """
     tissue = state.tissue
     since = np.maximum(trial.time_s - time_s, 0.0)
-    stays = 1.0 / tissue.stiffness_after(since) - 1.0 / tissue.stiffness
+    stiffness = trial.punch_ratio * tissue.stiffness
+    stays = 1.0 / (trial.punch_ratio * tissue.stiffness_after(since)) - 1.0 / stiffness
     last = np.flatnonzero(trial.in_phase("hold"))[-1]
     lifted_mm = np.where(trial.retracting, trial.position_mm[last] - trial.position_mm, 0.0)
-    lifted = np.clip(lifted_mm / max(float(force_mn[last]), 1e-9), 0.0, 1.0 / tissue.stiffness)
+    lifted = np.clip(lifted_mm / max(float(force_mn[last]), 1e-9), 0.0, 1.0 / stiffness)
     return -np.array([stays, lifted])
 
 

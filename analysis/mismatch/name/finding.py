@@ -100,7 +100,7 @@ def weighed(
     Evidence is tempered, and a lead within a tenth of the evidence, to which laws are right, is none. Nor is it an
     effect at all if the laws before it leave over so much: H0 is that this is exponential about what they are expected
     to leave. Alternatives are those that remain probable, those within two paired errors, and those the library knows
-    to be inseparable.
+    to be inseparable under one punch.
     """
     own = next((r for r in rivals if r.name == mechanism.name), None)
     if own is None or own.gain <= 0:
@@ -115,7 +115,8 @@ def weighed(
         logits[r.name] = -max(lead - INEXACT * own.gain, 0.0) / temperature
         if lead < TWO_ERRORS * error:
             close.add(r.name)
-    for name in mechanism.inseparable:
+    several_punches = len({t.punch_ratio for t in own.account.fit.trials}) > 1
+    for name in () if several_punches else mechanism.inseparable:
         if name not in present:
             logits.setdefault(name, float(np.log(WORTH_NAMING)))
             close.add(name)

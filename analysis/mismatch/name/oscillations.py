@@ -113,7 +113,7 @@ def scan_oscillations(fit: StudyFit, only: str = "") -> OscillationScan:
     energies: list[list[tuple[FloatArray, FloatArray]]] = []
     stiffness = []
     for j in skin:
-        stiffness.append(fit.states[j].tissue.stiffness)
+        stiffness.append(fit.trials[j].punch_ratio * fit.states[j].tissue.stiffness)
         energies.append(_energies(fit, j, grid.tolist()))
     # what a slow rhythm has fewer of than a quick one stays nothing
     a = np.zeros((len(skin), len(grid), max(len(v) for own in energies for v, _ in own)))
@@ -201,7 +201,7 @@ def steady_gains(
     """Return the chi2 (F,) of the j-th trial that a steady rhythm explains at each frequency, or its sine alone."""
     trial, state = fit.trials[j], fit.states[j]
     touching = touches(trial, state, fit.shared)
-    stiffness = state.tissue.stiffness
+    stiffness = trial.punch_ratio * state.tissue.stiffness
     gains = []
     for f in frequencies_hz.tolist():
         carried = waves(trial, f)[:, : None if overtones else 2]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -101,6 +102,7 @@ def _reduce(
             "or use --baseline ramp"
         )
     heads = sorted(heads, key=lambda t: (t.started, t.path))
+    punches_mm = _punches_mm(heads)
     with_command = [h for h in heads if h.command_v is not None]
     servo = fit_servo([load(h) for h in with_command[:SERVO_TRIALS]])
     cells: list[CellTrial] = []
@@ -112,7 +114,8 @@ def _reduce(
         try:
             trial = load(head)
             motion = estimate_motion(trial, servo)
-            cells.append(reduce_trial(trial, motion, order=order, pressed_before=felt, hold_only=hold_only))
+            reduced = reduce_trial(trial, motion, order=order, pressed_before=felt, hold_only=hold_only)
+            cells.append(_under(reduced, head, punches_mm))
         except UNCOMPUTABLE as error:
             left_out.append(
                 f"{Path(head.path).name}: motion and contact can't be told from its samples ({error})"
@@ -131,7 +134,7 @@ def _reduce(
         tuple(cells),
         tuple(left_out),
         servo,
-        heads[0].specimen.punch_diameter_mm,
+        punches_mm[0] if punches_mm else None,
         _notes(heads),
         setting,
         tuple((Path(h.path).name, h.log) for h in heads if h.source == "imported"),
@@ -153,6 +156,14 @@ def _notes(heads: Sequence[Trial]) -> tuple[str, ...]:
         notes.append(
             f"The trials were sampled differently ({told} Hz); each is compared at its own rate. Their noise is taken "
             "as white, and lines in their spectra were not looked for."
+        )
+    punches_mm = _punches_mm(heads)
+    if len(punches_mm) > 1:
+        told = " and ".join(f"{d:g}" for d in punches_mm)
+        notes.append(
+            f"The trials were recorded with punches of {told} mm. On one skin a flat punch's force is taken to grow "
+            "with its diameter, and the time of a drainage with its square; what is told here of stiffness and times "
+            f"is that of {punches_mm[0]:g} mm."
         )
     uneven = sum(h.native is not None for h in heads)
     if uneven:
@@ -217,6 +228,26 @@ def check_together(trials: Sequence[Trial]) -> None:
                 raise BadInputError(
                     f"{pair}: {name} is {a:.4g} and {b:.4g}, so on different rigs; diagnose each rig by itself"
                 )
-        p, q = first.specimen.punch_diameter_mm, other.specimen.punch_diameter_mm
-        if p is not None and q is not None and not np.isclose(p, q, rtol=1e-3):
-            raise BadInputError(f"{pair}: punches of {p:g} and {q:g} mm; diagnose each punch by itself")
+    punches_mm = _punches_mm(trials)
+    unstated = [t for t in trials if t.specimen.punch_diameter_mm is None]
+    if len(punches_mm) > 1 and unstated:
+        told = " and ".join(f"{d:g}" for d in punches_mm)
+        raise BadInputError(
+            f"{Path(unstated[0].path).name}: no punch_diameter_mm in /specimen, and the others say {told} mm; "
+            "state it, or diagnose each punch by itself"
+        )
+
+
+def _punches_mm(trials: Sequence[Trial]) -> list[float]:
+    """Return the diameters of the punches that are stated, the commonest first, mm."""
+    stated = [round(d, 3) for t in trials if (d := t.specimen.punch_diameter_mm) is not None]
+    return [d for d, _ in Counter(stated).most_common()]
+
+
+def _under(cells: CellTrial, head: Trial, punches_mm: Sequence[float]) -> CellTrial:
+    """Return a trial under its punch, where there are several; under another it is no repeat."""
+    own_mm = head.specimen.punch_diameter_mm
+    if len(punches_mm) < 2 or own_mm is None:
+        return cells
+    condition = f"{cells.condition} under {own_mm:g} mm"
+    return replace(cells, punch_ratio=own_mm / punches_mm[0], condition=condition)

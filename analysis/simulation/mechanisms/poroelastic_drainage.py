@@ -40,8 +40,8 @@ class PoroelasticDrainage(Mechanism):
     def tissue_force_mn(
         self, trial: CellTrial, depth_mm: FloatArray, tissue: Tissue | Tissues, p: Values
     ) -> FloatArray:
-        """Force of the draining fluid."""
-        T = p["time_constant_s"]
+        """Force of the draining fluid: it has further to go under a larger punch."""
+        T = p["time_constant_s"] * trial.punch_ratio**2
         slow = arms_force(depth_mm, trial.steps, T / RATES, 1.304 * WEIGHTS)
         fast = 0.304 * arm_force(depth_mm, trial.steps, T / 0.254)
         return p["ratio_to_k0"] * tissue.k0 * (slow - fast)

@@ -8,10 +8,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
+from scipy.ndimage import maximum_filter1d
 
 from analysis.recordings.trial import PHASE_NAMES
 from analysis.simulation.response import Steps
-from analysis.simulation.samples import winsorised
+from analysis.simulation.samples import NEIGHBOURS, winsorised
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -21,6 +22,8 @@ MOVING_MM_S, MOVING_SHARE = 0.05, 0.05
 TRAVEL_MIDDLE_MM = 5.0
 AWAY_S = 0.1
 """Distance from motion, and from what happened, of what is at rest."""
+SETTLED_S = 0.005
+"""How long a servo takes to end a motion."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,10 +103,20 @@ class CellTrial:
         """Which samples (N,) are away from motion."""
         return ~near(self.full_time_s, self.time_s[moves(self.velocity_mm_s)])
 
+    @cached_property
+    def steady(self) -> NDArray[np.bool_]:
+        """Which samples (N,) are off their neighbours as noise only: the arm rests, and contact does not end there.
+
+        Where a motion ends the force turns within a sample, but not beyond.
+        """
+        moving, t = moves(self.velocity_mm_s), self.full_time_s
+        beside = maximum_filter1d(np.repeat(moving, self.counts.astype(np.int64)), 2 * NEIGHBOURS + 1)
+        leaves = self.time_s[moving & self.retracting]
+        return np.asarray(~beside & ~near(t, self.time_s[moving], SETTLED_S) & ~near(t, leaves))
+
     def cell_means(self, force_mn: FloatArray) -> FloatArray:
-        """Return the mean (n,) of a force (N,) in each cell; of several at rest no sample is further off than noise."""
-        among_others = np.repeat(self.counts > 1, self.counts.astype(np.int64))
-        kept_mn = winsorised(force_mn, self.at_rest & among_others)
+        """Return the mean (n,) of a force (N,) in each cell; no steady sample is further off than noise."""
+        kept_mn = winsorised(force_mn, self.steady)
         return np.add.reduceat(kept_mn, self.starts) / self.counts
 
     def at_samples(self, cells: FloatArray) -> FloatArray:
@@ -209,12 +222,12 @@ def moves(velocity_mm_s: FloatArray) -> NDArray[np.bool_]:
     return np.asarray(speed > min(MOVING_MM_S, MOVING_SHARE * float(speed.max(initial=0.0))))
 
 
-def near(samples_s: FloatArray, times_s: FloatArray) -> NDArray[np.bool_]:
-    """Return which samples (N,) are less than `AWAY_S` from any of some times."""
+def near(samples_s: FloatArray, times_s: FloatArray, away_s: float = AWAY_S) -> NDArray[np.bool_]:
+    """Return which samples (N,) are less than ``away_s`` from any of some times."""
     if not len(times_s):
         return np.zeros(len(samples_s), dtype=bool)
     times_s = np.sort(times_s)
     at = np.searchsorted(times_s, samples_s)
     before = np.abs(samples_s - times_s[np.clip(at - 1, 0, len(times_s) - 1)])
     after = np.abs(times_s[np.clip(at, 0, len(times_s) - 1)] - samples_s)
-    return np.asarray(np.minimum(before, after) < AWAY_S)
+    return np.asarray(np.minimum(before, after) < away_s)

@@ -11,6 +11,7 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import maximum_filter1d
 
 from analysis.recordings.trial import PHASE_NAMES
+from analysis.simulation.converter import Levels
 from analysis.simulation.response import Steps
 from analysis.simulation.samples import NEIGHBOURS, winsorised
 
@@ -50,6 +51,7 @@ class CellTrial:
     first sample it ended (s). ``study_depth_mm`` is the largest depth of all trials that are compared (in the air: the
     travel). ``lever`` tells whether the tip is that of a lever arm. ``finger`` is whose and which finger, as far as was
     stated. ``punch_ratio`` is the diameter of its flat punch over that of the study's.
+    ``levels`` are those to which a coarse converter rounded the force.
     """
 
     label: str
@@ -81,6 +83,7 @@ class CellTrial:
     lever: bool = True
     finger: str = ""
     punch_ratio: float = 1.0
+    levels: Levels | None = None
     fitted: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
     uneven_s: FloatArray | None = None
 
@@ -115,9 +118,20 @@ class CellTrial:
         return np.asarray(~beside & ~near(t, self.time_s[moving], SETTLED_S) & ~near(t, leaves))
 
     def cell_means(self, force_mn: FloatArray) -> FloatArray:
-        """Return the mean (n,) of a force (N,) in each cell; no steady sample is further off than noise."""
+        """Return the mean (n,) of a force (N,) in each cell; no steady sample is further off than noise.
+
+        What a coarse converter made of it is undone.
+        """
         kept_mn = winsorised(force_mn, self.steady)
-        return np.add.reduceat(kept_mn, self.starts) / self.counts
+        means_mn = np.add.reduceat(kept_mn, self.starts) / self.counts
+        if self.levels is None:
+            return means_mn
+        return np.where(self.counts > 1, self.levels.before_rounding(means_mn), means_mn)
+
+    def read_at_samples(self, force_mn: FloatArray) -> FloatArray:
+        """Return what is read on average at every sample (N,) of a force that has these averages (n,) in the cells."""
+        at_samples_mn = self.at_samples(force_mn)
+        return at_samples_mn if self.levels is None else self.levels.mean_read(at_samples_mn)
 
     def at_samples(self, cells: FloatArray) -> FloatArray:
         """Return at every sample (N,) what has these averages (n,) in the cells, smoothly.

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from analysis.recordings.trial import PHASE_NAMES, Trial
 from analysis.simulation.cells import CellTrial, moves
+from analysis.simulation.converter import levels_of
 from analysis.simulation.motion import Motion
 
 FloatArray = NDArray[np.float64]
@@ -196,6 +197,7 @@ def reduce_trial(
         ),
         finger=f"{trial.specimen.subject} {trial.specimen.finger}".strip(),
         fitted=fitted,
+        levels=levels_of(force_mn) if trial.native is None else None,
         uneven_s=None if trial.native is None else samples_s,
     )
     return replace(reduced, force_mn=reduced.cell_means(force_mn))

@@ -117,7 +117,7 @@ class StudyFit:
     def full_residual_mn(self, j: int) -> FloatArray:
         """Return what is left of every sample (N,)."""
         t = self.trials[j]
-        return np.asarray(t.full_force_mn - t.at_samples(self.force_mn(j)))
+        return np.asarray(t.full_force_mn - t.read_at_samples(self.force_mn(j)))
 
     def drawn_residual_mn(self, j: int) -> FloatArray:
         """Return every sample (N,) of the j-th trial's residual with a draw of what is left open of its rhythms.
@@ -129,6 +129,14 @@ class StudyFit:
         for rhythm, of_it in zip(rhythms, drawn, strict=True):
             residual = residual + trial.at_samples(rhythm.line_mn(of_it))
         return residual
+
+    def unrounded_residual_mn(self, j: int) -> FloatArray:
+        """Return every sample (N,) of the j-th trial's residual as drawn, and what a converter rounded it from."""
+        trial, drawn = self.trials[j], self.drawn_residual_mn(j)
+        if trial.levels is None:
+            return drawn
+        there_mn = trial.at_samples(self.force_mn(j)) + self.full_residual_mn(j) - drawn
+        return trial.levels.drawn_error(trial.full_force_mn, there_mn, np.random.default_rng(j))
 
     def with_states(self, rounds: int = ROUNDS, near: StudyFit | None = None) -> StudyFit:
         """Return the fit with every trial's own parameters at their best; ``near`` is a fit close to this one."""

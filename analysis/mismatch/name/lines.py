@@ -136,6 +136,7 @@ def without_lines(fit: StudyFit, lines: Sequence[Line]) -> tuple[CellTrial, ...]
             smooth = np.interp(time_s, at, np.real(size)) + 1j * np.interp(time_s, at, np.imag(size))
             taken += np.real(smooth * turn)
         force = trial.full_force_mn - taken
-        means_mn = trial.cell_means(force.astype(np.float64))
-        trials.append(replace(trial, full_force_mn=force.astype(np.float32), force_mn=means_mn))
+        # a force with a line in it went over the levels of a converter
+        bare = replace(trial, levels=None, full_force_mn=force.astype(np.float32))
+        trials.append(replace(bare, force_mn=bare.cell_means(force.astype(np.float64))))
     return tuple(trials)

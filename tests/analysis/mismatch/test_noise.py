@@ -63,7 +63,8 @@ def test_whitening_is_the_inverse_cholesky_factor(smoother: float) -> None:
     dense = np.linalg.solve(np.linalg.cholesky(_covariance(cells, noise)), columns)
     whitener = Whitener(cells, noise)
     np.testing.assert_allclose(whitener(columns), dense, rtol=0.01, atol=0.01)
-    np.testing.assert_allclose(whitener(columns[:, 1]), whitener(columns)[:, 1], rtol=1e-12)
+    # what is left of larger numbers is rounded as these are, and processors differ in that
+    np.testing.assert_allclose(whitener(columns[:, 1]), whitener(columns)[:, 1], rtol=1e-12, atol=1e-14)
 
 
 def test_white_noise_is_weighed_by_its_count() -> None:

@@ -126,7 +126,7 @@ class CellTrial:
         means_mn = np.add.reduceat(kept_mn, self.starts) / self.counts
         if self.levels is None:
             return means_mn
-        return np.where(self.counts > 1, self.levels.before_rounding(means_mn), means_mn)
+        return self.levels.before_rounding(means_mn, self.counts)
 
     def read_at_samples(self, force_mn: FloatArray) -> FloatArray:
         """Return what is read on average at every sample (N,) of a force that has these averages (n,) in the cells."""

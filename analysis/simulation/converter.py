@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter1d, uniform_filter1d
 from scipy.optimize import brentq
 from scipy.special import comb, ndtr, ndtri
 
@@ -23,6 +24,8 @@ LEAST_NOISE = 0.15
 """In levels: with less noise a reading is hardly a number."""
 STANDS = 0.25
 """Levels by which what is averaged may go on: of more the mean shows no levels."""
+WIDTHS = (1, 3, 9, 27)
+"""Means that are taken together."""
 PLACES = 401
 LEAST_CHANCE = 1e-300
 
@@ -48,12 +51,24 @@ class Levels:
             read += self.apart_mn * size * np.sin(2.0 * np.pi * k * u)
         return read
 
-    def before_rounding(self, mean_mn: FloatArray) -> FloatArray:
-        """Return the forces (n,) of which these are the mean readings; where they go on by levels they stay."""
+    def before_rounding(self, mean_mn: FloatArray, counts: FloatArray) -> FloatArray:
+        """Return the forces (n,) of which these are the mean readings, of so many samples (n,) each.
+
+        Where a force lies is told by as many means as go on by less than a share of a level: of few samples all may
+        lie on one. Where it goes on by levels it stays as it was read.
+        """
+        force_mn = np.array(mean_mn)
+        for cells in WIDTHS:
+            wide_mn = uniform_filter1d(mean_mn, cells)
+            stands = cells * np.abs(np.gradient(wide_mn)) < STANDS * self.apart_mn
+            told = stands & (minimum_filter1d(counts, cells, mode="constant") > 1)
+            force_mn[told] = (mean_mn + self._unrounded(wide_mn) - wide_mn)[told]
+        return force_mn
+
+    def _unrounded(self, mean_mn: FloatArray) -> FloatArray:
         u = np.linspace(-0.5, 0.5, PLACES) * self.apart_mn
         nearest = self.at_mn + self.apart_mn * np.round((mean_mn - self.at_mn) / self.apart_mn)
-        force_mn = nearest + np.interp(mean_mn - nearest, self.mean_read(self.at_mn + u) - self.at_mn, u)
-        return np.where(np.abs(np.gradient(mean_mn)) < STANDS * self.apart_mn, force_mn, mean_mn)
+        return nearest + np.interp(mean_mn - nearest, self.mean_read(self.at_mn + u) - self.at_mn, u)
 
     def drawn_error(
         self, read_mn: NDArray[np.floating[Any]], force_mn: FloatArray, random: np.random.Generator

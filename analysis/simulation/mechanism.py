@@ -139,6 +139,8 @@ class Mechanism:
     ``inseparable`` names mechanisms of the same shape to the eye of any experiment with one punch; they are listed
     as alternatives however well one of the two laws fits. ``separated_by`` says what tells them apart.
 
+    One that is ``like_a_quick_arm`` of the tissue is taken up by it whole where an arm has ended at its shortest.
+
     One that ``relaxes`` adds to the times in which the tissue does. Beside it another says how rough it is, no more.
 
     ``form`` tells how its unknowns are found: a ``law`` shares all parameters over trials, an ``oscillation``
@@ -163,6 +165,7 @@ class Mechanism:
     separated_by: ClassVar[str] = ""
     inseparable: ClassVar[tuple[str, ...]] = ()
     relaxes: ClassVar[bool] = False
+    like_a_quick_arm: ClassVar[bool] = False
 
     def holds(self, p: Values, depth_mm: float) -> bool:
         """Whether the law is what its source says of it, in a study of this largest depth."""

@@ -23,6 +23,8 @@ PARTS_RESOLVED = 2000.0
 """Nothing that relaxes in less of a recording is an arm of the tissue: over a ramp it would be a dashpot."""
 TIMES = [2, 4]
 """Where the relaxation times stand among the log constants."""
+ENDED = 0.01
+"""How near to its least a logarithm has ended there."""
 PRIOR_TRIALS = 2.0
 PRIOR_SCATTERS = (0.02, 0.002)
 """What does not vary shrinks towards one of these, whichever tells better what trials not used for it are like: where
@@ -47,6 +49,11 @@ class Population:
         lowest = np.full(len(mean), -np.inf)
         lowest[TIMES] = np.log(recorded_s / PARTS_RESOLVED)
         return Population(mean, WEAK**2 * np.eye(len(mean)), lowest)
+
+    @property
+    def arm_ended(self) -> bool:
+        """Whether an arm ended at its shortest: it stands for what resists speed, and the other for both of its own."""
+        return bool(np.any(self.mean[TIMES] <= self.lowest[TIMES] + ENDED))
 
     @cached_property
     def precision(self) -> FloatArray:

@@ -18,7 +18,7 @@ from analysis.simulation.mechanism import library
 class Tries:
     """What is worth a refit, by name, the most promising first, and the most that each would gain to a line, nats.
 
-    Of what is ``taken_up`` by the noise a line says little.
+    Of what is ``taken_up`` by the noise, or by the tissue, a line says little.
     """
 
     options: dict[str, list[Option]]
@@ -57,6 +57,8 @@ def worth_trying(account: Account, nothing: Account, left: LeftOver, among: Coll
     del settled
     # a line drawn beside noise that took the mismatch up says little of how much there is
     taken_up = frozenset(o.name for o in worth[0]) if quick is not account else frozenset()
+    by_tissue = [o for o in listed[0] if _is_taken_up(o.name, account)]
+    taken_up |= {o.name for o in by_tissue}
     signs = {o.name: o.nats for o in (*listed[0], *lead)}
     anew = own_among(quick, among)
     beside = anew if quick is account else own_among(account, among)
@@ -82,9 +84,15 @@ def worth_trying(account: Account, nothing: Account, left: LeftOver, among: Coll
     for option in (option for some in (*worth, elsewhere) for option in some):
         if few or signs.get(option.name, 0.0) > 0.5 * option.enough:
             options.setdefault(option.name, []).append(option)
+    options |= {option.name: [option] for option in by_tissue if option.name not in options}
     largest = {name: max(o.nats for some in listed for o in some if o.name == name) for name in options}
     in_order = sorted(options, key=lambda name: -largest[name])
     return Tries({name: options[name] for name in in_order}, largest, taken_up)
+
+
+def _is_taken_up(name: str, account: Account) -> bool:
+    """Whether the tissue stands for a law: a line about it then has nothing of that."""
+    return library()[name].like_a_quick_arm and account.fit.population.arm_ended
 
 
 def own_among(account: Account, among: Collection[str] | None) -> list[Option]:

@@ -36,6 +36,7 @@ class ParallelDashpot(Mechanism):
     words = "the tissue resists how fast it is pressed, besides how deep"
     source = "Kelvin element in parallel"
     separated_by = "rigid_target"
+    like_a_quick_arm = True
 
     def tissue_force_mn(
         self, trial: CellTrial, depth_mm: FloatArray, tissue: Tissue | Tissues, p: Values

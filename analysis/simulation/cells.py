@@ -21,6 +21,7 @@ IntArray = NDArray[np.int64]
 MOVING_MM_S, MOVING_SHARE = 0.05, 0.05
 """Speed from which the arm moves: of a slow instrument this share of the largest in the trial."""
 TRAVEL_MIDDLE_MM = 5.0
+RIGID_STIFFNESS_MN_PER_MM = 1.0e4
 AWAY_S = 0.1
 """Distance from motion, and from what happened, of what is at rest."""
 SETTLED_S = 0.005
@@ -51,7 +52,8 @@ class CellTrial:
     first sample it ended (s). ``study_depth_mm`` is the largest depth of all trials that are compared (in the air: the
     travel). ``lever`` tells whether the tip is that of a lever arm. ``finger`` is whose and which finger, as far as was
     stated. ``punch_ratio`` is the diameter of its flat punch over that of the study's.
-    ``levels`` are those to which a coarse converter rounded the force.
+    ``levels`` are those to which a coarse converter rounded the force. ``position_error_mm`` is what smoothing left of
+    the position's noise ``position_noise_mm``.
     """
 
     label: str
@@ -84,6 +86,8 @@ class CellTrial:
     finger: str = ""
     punch_ratio: float = 1.0
     levels: Levels | None = None
+    position_error_mm: FloatArray | None = None
+    position_noise_mm: float = 0.0
     fitted: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
     uneven_s: FloatArray | None = None
 
@@ -203,6 +207,30 @@ class CellTrial:
     def half_travel_mm(self) -> FloatArray:
         """Half of the way that the tip goes within each cell, (n,), mm; never quite zero."""
         return 0.5 * np.abs(self.velocity_mm_s) * self.widths_s + 1e-9
+
+    @cached_property
+    def by_position(self) -> tuple[tuple[FloatArray, float], ...]:
+        """How far the simulated force is off in cells (n,), mN rms, for the position's error, and for how long, s.
+
+        A contact is as stiff as the block, or as the force was large at the depth. White noise smoothed by a Gaussian
+        has what is left of it correlated as exp(-t^2 / (4 w^2)); with s of its rms left, that lasts for 1 / (2 s^2)
+        samples. Cells whose widths w are within a factor of two are taken together.
+        """
+        error_mm = self.position_error_mm
+        if error_mm is None or not self.touches or not np.all(error_mm > 0.0):
+            return ()
+        stiffness = self.target_stiffness_mn_per_mm or RIGID_STIFFNESS_MN_PER_MM
+        if self.kind != "rigid_target":
+            stiffness = float(np.ptp(self.force_mn)) / max(abs(self.depth_mm), 1e-9)
+        touching = self.position_mm > self.z0_start_mm
+        octave = np.round(2.0 * np.log2(self.position_noise_mm / error_mm))
+        terms = []
+        for k in np.unique(octave[touching]):
+            lasts_s = 0.5 * 2.0**k / self.sample_rate_hz
+            u = np.maximum(self.widths_s / lasts_s, 1e-3)
+            in_cells = np.sqrt(2.0 * (u + np.expm1(-u))) / u
+            terms.append((stiffness * error_mm * in_cells * (touching & (octave == k)), float(lasts_s)))
+        return tuple(terms)
 
     @cached_property
     def steps(self) -> Steps:

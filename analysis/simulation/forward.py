@@ -9,14 +9,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from analysis.simulation.cells import CellTrial
+from analysis.simulation.cells import RIGID_STIFFNESS_MN_PER_MM, CellTrial
 from analysis.simulation.mechanism import Mechanism, Tissue, Tissues, Values
 from analysis.simulation.response import arms_force
 
 FloatArray = NDArray[np.float64]
 
 COMPLIANCE_ROUNDS = 6
-RIGID_STIFFNESS_MN_PER_MM = 1.0e4
 
 
 @dataclass(frozen=True, slots=True)

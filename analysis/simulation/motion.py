@@ -17,6 +17,7 @@ from analysis.recordings.trial import Trial
 from analysis.simulation.servo import DEFAULT_DAMPING_RATIO, DEFAULT_NATURAL_FREQUENCY_RAD_S, follow
 from analysis.simulation.smoothing import (
     position_noise,
+    share_that_stays,
     smoothed,
     smoothed_as_it_bears,
     steady_velocity,
@@ -53,6 +54,7 @@ class Motion:
     ``shake_mm_s2`` (N, 2) is by how much more the arm accelerates at the samples than between them if the output steps
     and so pushes it once a sample: just before it steps, and just after.
     ``kinks`` are the samples at which the velocity of the command changes at once.
+    ``position_error_mm`` is the standard error that smoothing leaves of a position with noise ``noise_mm``.
     """
 
     position_mm: FloatArray
@@ -62,6 +64,8 @@ class Motion:
     servo_residual_mm: FloatArray
     servo_signature_mm: FloatArray
     kinks: IntArray
+    position_error_mm: FloatArray
+    noise_mm: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,14 +206,14 @@ def estimate_motion(trial: Trial, servo: FoundServo = NOMINAL_SERVO) -> Motion:
     # what a servo's answer leaves of a recording has none of its converter's levels any more
     noise_mm, near = position_noise(recorded), _near(kinks, len(recorded), rate)
     if trial.command_mm is None:
-        smooth, rest_v, rest_a = _without_command(recorded, noise_mm, near, rate)
+        smooth, rest_v, rest_a, error = _without_command(recorded, noise_mm, near, rate)
     elif _servo_explains(recorded, noise_mm, base):
-        smooth, rest_v, rest_a = _beside_servo(recorded - base, noise_mm, near, rate)
+        smooth, rest_v, rest_a, error = _beside_servo(recorded - base, noise_mm, near, rate)
     else:
         # a drive that is no such servo: its answer would add accelerations that never were
         base, v, a = (np.zeros_like(recorded) for _ in range(3))
         shake = np.zeros_like(shake)
-        smooth, rest_v, rest_a = _of_unknown_drive(recorded, noise_mm, rate)
+        smooth, rest_v, rest_a, error = _of_unknown_drive(recorded, noise_mm, rate)
     servo_residual, signature = np.zeros_like(recorded), np.zeros((len(recorded), 2))
     if trial.command_mm is not None:
         wn, zeta = DEFAULT_NATURAL_FREQUENCY_RAD_S, DEFAULT_DAMPING_RATIO
@@ -228,6 +232,8 @@ def estimate_motion(trial: Trial, servo: FoundServo = NOMINAL_SERVO) -> Motion:
         servo_residual_mm=servo_residual,
         servo_signature_mm=signature,
         kinks=kinks,
+        position_error_mm=error,
+        noise_mm=noise_mm,
     )
 
 
@@ -243,31 +249,35 @@ def _near(kinks: IntArray, n: int, rate_hz: float) -> FloatArray:
 def _beside_servo(
     rest_mm: FloatArray, noise_mm: float, near: FloatArray, rate_hz: float
 ) -> tuple[FloatArray, ...]:
-    """Return position, velocity and acceleration (N,) of what a servo's answer leaves."""
-    fast = smoothed(rest_mm, width_for_rest(rest_mm, noise_mm, near, max(0.3, FAST_SMOOTHING_S * rate_hz)))
-    slow = smoothed(
-        rest_mm, width_for_rest(rest_mm, noise_mm, 1.0 - near, max(0.3, SLOW_SMOOTHING_S * rate_hz))
-    )
+    """Return position, velocity and acceleration (N,) of what a servo's answer leaves, and the position's error."""
+    of_fast = width_for_rest(rest_mm, noise_mm, near, max(0.3, FAST_SMOOTHING_S * rate_hz))
+    of_slow = width_for_rest(rest_mm, noise_mm, 1.0 - near, max(0.3, SLOW_SMOOTHING_S * rate_hz))
+    fast, slow = smoothed(rest_mm, of_fast), smoothed(rest_mm, of_slow)
+    error = noise_mm * (near * share_that_stays(of_fast) + (1.0 - near) * share_that_stays(of_slow))
     velocity = steady_velocity(rest_mm, noise_mm, max(0.3, RATE_SMOOTHING_S * rate_hz)) * rate_hz
-    return near * fast + (1.0 - near) * slow, velocity, np.gradient(velocity) * rate_hz
+    return near * fast + (1.0 - near) * slow, velocity, np.gradient(velocity) * rate_hz, error
 
 
 def _of_unknown_drive(recorded_mm: FloatArray, noise_mm: float, rate_hz: float) -> tuple[FloatArray, ...]:
-    """Return position, velocity and acceleration (N,) of what moves all along, and not as its command says."""
-    position = smoothed(recorded_mm, width_for_acceleration(recorded_mm, noise_mm))
-    velocity = np.gradient(position) * rate_hz
-    return position, velocity, np.gradient(velocity) * rate_hz
+    """Return position, velocity and acceleration (N,) of what moves all along, not as its command says; its error."""
+    width = width_for_acceleration(recorded_mm, noise_mm)
+    position = smoothed(recorded_mm, width)
+    velocity, error = (
+        np.gradient(position) * rate_hz,
+        np.full(len(position), noise_mm * share_that_stays(width)),
+    )
+    return position, velocity, np.gradient(velocity) * rate_hz, error
 
 
 def _without_command(
     recorded_mm: FloatArray, noise_mm: float, near: FloatArray, rate_hz: float
 ) -> tuple[FloatArray, ...]:
-    """Return position, velocity and acceleration (N,) of an arm of which only the position is known.
+    """Return position, velocity and acceleration (N,) of an arm of which only the position is known, and its error.
 
     What throws a mass is to be smooth near kinks, too: its acceleration is not that of the velocity.
     """
     quick = np.gradient(smoothed(recorded_mm, max(0.5, VELOCITY_WINDOW_S * rate_hz))) * rate_hz
     steady = steady_velocity(recorded_mm, noise_mm, max(0.3, RATE_SMOOTHING_S * rate_hz)) * rate_hz
-    position, per_sample = smoothed_as_it_bears(recorded_mm, noise_mm, RATE_SMOOTHING_S * rate_hz)
+    position, per_sample, error = smoothed_as_it_bears(recorded_mm, noise_mm, RATE_SMOOTHING_S * rate_hz)
     acceleration = np.gradient(near * quick + (1.0 - near) * steady) * rate_hz
-    return position, per_sample * rate_hz, acceleration
+    return position, per_sample * rate_hz, acceleration, error

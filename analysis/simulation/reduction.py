@@ -198,6 +198,8 @@ def reduce_trial(
         finger=f"{trial.specimen.subject} {trial.specimen.finger}".strip(),
         fitted=fitted,
         levels=levels_of(force_mn) if trial.native is None else None,
+        position_error_mm=mean(motion.position_error_mm),
+        position_noise_mm=motion.noise_mm,
         uneven_s=None if trial.native is None else samples_s,
     )
     return replace(reduced, force_mn=reduced.cell_means(force_mn))

@@ -122,7 +122,8 @@ def width_for_rest(position: FloatArray, noise: float, counts: FloatArray, least
 
 
 def smoothed_as_it_bears(position: FloatArray, noise: float, widest_samples: float) -> FloatArray:
-    """Return a position (N,), and its velocity, a sample, smoothed over as much about every sample as it bears: (2, N).
+    """Return a position (N,), and its velocity, a sample, smoothed over as much about every sample as it bears, and the
+    position's standard error: (3, N).
 
     A sample's rms error is ``noise``. Of widths of a Gaussian that double the widest is looked for whose result agrees
     with those of all smaller ones, intervals of two standard errors having a point in common: it ends where a motion
@@ -140,9 +141,9 @@ def smoothed_as_it_bears(position: FloatArray, noise: float, widest_samples: flo
         width *= 2.0
     positions = np.array(rows)
     of_position, of_velocity = noise * np.array(errors).T
-    found, _ = _widest_that_agree(positions, of_position)
-    velocity, error = _widest_that_agree(np.gradient(positions, axis=1), of_velocity)
-    return np.array([found, np.where(_moves(velocity, error), velocity, 0.0)])
+    found, error = _widest_that_agree(positions, of_position)
+    velocity, of_it = _widest_that_agree(np.gradient(positions, axis=1), of_velocity)
+    return np.array([found, np.where(_moves(velocity, of_it), velocity, 0.0), error])
 
 
 def _moves(velocity: FloatArray, error: FloatArray) -> NDArray[np.bool_]:
@@ -169,6 +170,11 @@ def _widest_that_agree(rows: FloatArray, errors: FloatArray) -> tuple[FloatArray
     # one sample far off is no turn
     half = np.maximum(median_filter(agree, NEIGHBOURS) - 2, 0)
     return np.take_along_axis(rows, half[None], axis=0)[0], errors[half]
+
+
+def share_that_stays(width_samples: float) -> float:
+    """Return what smoothing leaves of white noise, as a share of its rms."""
+    return float(np.linalg.norm(_kernel(width_samples)))
 
 
 def steady_velocity(position: FloatArray, noise: float, width_samples: float) -> FloatArray:

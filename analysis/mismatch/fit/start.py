@@ -11,8 +11,8 @@ from scipy.optimize import nnls
 
 from analysis.errors import BadInputError
 from analysis.mismatch.model.population import PARTS_RESOLVED
-from analysis.simulation.cells import CellTrial
-from analysis.simulation.forward import RIGID_STIFFNESS_MN_PER_MM, indentation
+from analysis.simulation.cells import RIGID_STIFFNESS_MN_PER_MM, CellTrial
+from analysis.simulation.forward import indentation
 from analysis.simulation.mechanism import Tissue
 from analysis.simulation.response import arm_force
 

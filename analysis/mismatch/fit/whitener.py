@@ -18,6 +18,8 @@ from analysis.simulation.response import Steps
 FloatArray = NDArray[np.float64]
 
 SMALL, LONG = 1e-3, 60.0
+SHOWS = 0.1
+"""Share of a cell's white noise from which that of the position counts beside it."""
 MANY = 12
 """From so many columns on all are solved side by side sooner than four by four."""
 
@@ -119,7 +121,8 @@ class Whitener:
     linear time (Foreman-Mackey et al., Astron. J. 154:220, 2017). Most of a diagnosis is that: it is done here, in a
     third of the time of `celerite2`, which does what is asked for less often. The exponentials between cells are the
     same for all columns ever whitened.
-    A rhythm's covariance is a sum of such terms too, f_k(t) f_k(t') exp(-|t - t'|/T) of its force columns f_k.
+    A rhythm's covariance is a sum of such terms too, f_k(t) f_k(t') exp(-|t - t'|/T) of its force columns f_k; so is
+    that of the simulated force for the noise that the smoothed position still has.
     """
 
     def __init__(self, trial: CellTrial, noise: NoiseModel, rhythms: Sequence[Rhythm] = ()) -> None:
@@ -129,7 +132,10 @@ class Whitener:
         self._time_s = np.ascontiguousarray(trial.time_s)
         counts = trial.counts[use]
         exponentials = noise.exponentials
-        if not exponentials and not rhythms:
+        white = noise.white_mn**2 / counts
+        by_position = [(f[use, None], lasts_s) for f, lasts_s in trial.by_position]
+        by_position = [term for term in by_position if np.any(term[0][:, 0] ** 2 > SHOWS * white)]
+        if not exponentials and not rhythms and not by_position:
             self._scale = np.sqrt(counts) / noise.white_mn
             self._factor = None
             self.log_determinant = -2.0 * float(np.log(self._scale).sum())
@@ -142,7 +148,7 @@ class Whitener:
         u = widths_s[:, None] / tau_s
         exact = 2 * variance * (u + np.expm1(-u)) / np.maximum(u, SMALL) ** 2
         of_parts = np.where(u > SMALL, exact, variance * (1.0 - u / 3.0))
-        diagonal = noise.white_mn**2 / counts + of_parts.sum(axis=1)[of_cell]
+        diagonal = white + of_parts.sum(axis=1)[of_cell]
         # cells much longer than a part's time don't know of each other
         blur = np.where(u < LONG, np.sinh(0.5 * np.minimum(u, LONG)) / (0.5 * u), 0.0)[of_cell]
         U, V = variance * blur, blur
@@ -151,6 +157,9 @@ class Whitener:
             diagonal = diagonal + np.sum(f**2, axis=1)
             U, V = np.hstack([U, f]), np.hstack([V, f])
             tau_s = np.append(tau_s, rhythm.waves_coherent_s)
+        for f, lasts_s in by_position:
+            diagonal = diagonal + f[:, 0] ** 2
+            U, V, tau_s = np.hstack([U, f]), np.hstack([V, f]), np.append(tau_s, lasts_s)
         steps = trial.steps if use.all() else Steps.between(trial.time_s[use])
         decay = np.exp(-steps.lengths_s[:, None] / tau_s)[steps.index]
         d, W = _factored(decay, diagonal, U, V)

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.mismatch.model.rhythm import Rhythm
-from analysis.simulation.cells import CellTrial
-from analysis.simulation.forward import RIGID_STIFFNESS_MN_PER_MM, PerTrial, simulate_force
+from analysis.simulation.cells import RIGID_STIFFNESS_MN_PER_MM, CellTrial
+from analysis.simulation.forward import PerTrial, simulate_force
 from analysis.simulation.mechanism import Mechanism, Parameter, Tissue, Tissues, Values
 from analysis.simulation.response import low_pass
 

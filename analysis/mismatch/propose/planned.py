@@ -99,5 +99,7 @@ def planned_cells(plan: PlannedTrial, sample_rate_hz: float, order: int = 0) -> 
         servo_residual_mm=np.zeros(n),
         servo_signature_mm=np.zeros((n, 2)),
         kinks=np.array(sorted(set(kinks)), dtype=np.int64),
+        position_error_mm=np.zeros(n),
+        noise_mm=0.0,
     )
     return reduce_trial(trial, motion, order=order, pressed_before=(plan.previous_depth_mm, plan.rest_s))

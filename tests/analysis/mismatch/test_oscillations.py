@@ -49,6 +49,7 @@ def _cells(n: int, seed: int = 2) -> SimpleNamespace:
     used = np.ones(n, dtype=bool)
     used[: n // 10] = False
     return SimpleNamespace(
+        by_position=(),
         fitted=used,
         time_s=time_s,
         counts=counts,

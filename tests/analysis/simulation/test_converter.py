@@ -27,12 +27,13 @@ def test_a_mean_reading_is_that_of_rounded_noise(noise: float, at: float) -> Non
     assert found_mn == pytest.approx(expected_mn, abs=1e-4 * APART_MN)
 
 
-@given(noise=st.floats(0.2, 1.0 / COARSE), begins=st.floats(-2.0, 2.0), slope=st.floats(-0.1, 0.1))
+@given(noise=st.floats(0.25, 1.0 / COARSE), begins=st.floats(-2.0, 2.0), slope=st.floats(-0.1, 0.1))
 def test_what_rounding_did_to_a_mean_is_undone(noise: float, begins: float, slope: float) -> None:
     levels = Levels(APART_MN, -0.2, noise * APART_MN)
     force_mn = levels.at_mn + APART_MN * (begins + slope * np.arange(30))
     back_mn = levels.before_rounding(levels.mean_read(force_mn), np.full(30, 100.0))
-    # over a wide mean, which goes on by a quarter of a level, a tenth of the error of 0.14 levels averages out, twice
+    # over a wide mean, which goes on by a quarter of a level, a tenth of the error of 0.09 levels averages out, and
+    # where a mean goes on by 0.4 of what the force does that is 0.02 levels of the force
     np.testing.assert_allclose(back_mn, force_mn, atol=0.03 * APART_MN)
 
 
@@ -44,14 +45,14 @@ def test_a_force_that_goes_on_by_levels_stays_as_it_was_read() -> None:
 
 @pytest.mark.parametrize("noise", [0.17, 0.25])
 def test_where_few_samples_lie_on_one_level_their_neighbours_tell_where(noise: float) -> None:
-    """A force that goes over six levels in 4000 samples, in means of eight."""
+    """A force that goes over six levels in 16000 samples, in means of eight, by 400 samples at a time."""
     random = np.random.default_rng(9)
     levels = Levels(APART_MN, 0.0, noise * APART_MN)
-    force_mn = APART_MN * np.linspace(0.0, 6.0, 4000)
-    read_mn = APART_MN * np.round((force_mn + levels.noise_mn * random.standard_normal(4000)) / APART_MN)
+    force_mn = APART_MN * np.linspace(0.0, 6.0, 16000)
+    read_mn = APART_MN * np.round((force_mn + levels.noise_mn * random.standard_normal(16000)) / APART_MN)
     means_mn, true_mn = (x.reshape(-1, 8).mean(axis=1) for x in (read_mn, force_mn))
-    found_mn = levels.before_rounding(means_mn, np.full(500, 8.0))
-    slow = np.full(25, 1.0 / 25.0)
+    found_mn = levels.before_rounding(means_mn, np.full(2000, 8.0))
+    slow = np.full(50, 1.0 / 50.0)
     as_read, undone = (np.convolve(x - true_mn, slow, mode="valid") for x in (means_mn, found_mn))
     assert np.std(undone) < 0.4 * np.std(as_read)
 

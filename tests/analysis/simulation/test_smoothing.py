@@ -83,7 +83,7 @@ def test_what_is_smoothed_as_it_bears_turns_where_it_did(ramp_mm: np.ndarray, ev
     found_mm, creeps = np.zeros_like(true_mm), 0.0
     for seed in range(30):
         noise_mm = np.random.default_rng(seed).normal(scale=3e-4, size=len(true_mm))
-        position_mm, velocity_mm = smoothed_as_it_bears(true_mm + noise_mm, 3e-4, widest_samples)
+        position_mm, velocity_mm, _ = smoothed_as_it_bears(true_mm + noise_mm, 3e-4, widest_samples)
         off_mm = position_mm - true_mm
         # at rest nearly as good as the widest allowed
         assert np.std(off_mm[at_rest]) < 1.3 * np.std(smoothed(noise_mm, widest_samples)[at_rest])
@@ -136,6 +136,6 @@ def test_a_converter_s_steps_are_no_motion() -> None:
     ramp_mm = np.concatenate([np.zeros(2000), 4e-3 * np.arange(1.0, 176.0), np.full(2000, 0.7)])
     noisy_mm = ramp_mm + 2.5e-4 * np.random.default_rng(4).standard_normal(len(ramp_mm))
     recorded_mm = 2.39e-3 * np.round(noisy_mm / 2.39e-3)
-    _, velocity = smoothed_as_it_bears(recorded_mm, position_noise(recorded_mm), 640.0)
+    _, velocity, _ = smoothed_as_it_bears(recorded_mm, position_noise(recorded_mm), 640.0)
     np.testing.assert_allclose(velocity[2030:2145], 4e-3, rtol=0.03)
     assert not np.any(velocity[:1900])

@@ -20,6 +20,8 @@ COARSE = 2.0
 TERMS = 4
 USUAL = 0.999
 """Share of a force's differences that are noise, and neither kinks nor sparks."""
+ON_LEVELS = 0.02
+"""Share of a level by which what was rounded to levels is off them, on average: other values are off by a quarter."""
 LEAST_NOISE = 0.15
 """In levels: with less noise a reading is hardly a number."""
 STANDS = 0.25
@@ -94,6 +96,9 @@ def levels_of(force_mn: FloatArray) -> Levels | None:
         return None
     whole = float(values[-1] - values[0])
     apart = whole / max(round(whole / float(np.median(gaps))), 1)
+    of_levels = (values - values[0]) / apart
+    if float(np.mean(np.abs(of_levels - np.round(of_levels)))) > ON_LEVELS:
+        return None
     jumps = np.abs(np.diff(force_mn, NOISE_ORDER))
     scatter = np.mean(np.minimum(jumps, np.quantile(jumps, USUAL)) ** 2) / comb(2 * NOISE_ORDER, NOISE_ORDER)
     noise = apart * _before_rounding(float(scatter) / apart**2)

@@ -75,6 +75,13 @@ def test_noise_that_goes_over_many_levels_shows_none(apart_mn: float) -> None:
     assert levels_of(apart_mn * np.round(force_mn / apart_mn) if apart_mn else force_mn) is None
 
 
+def test_few_samples_of_little_noise_lie_on_no_levels() -> None:
+    random = np.random.default_rng(8)
+    few = np.sort(random.uniform(0.0, 40.0, 300)) + 1e-4 * random.standard_normal(300)
+    assert levels_of(few) is None
+    assert levels_of(np.full(300, 2.0)) is None
+
+
 @given(seed=st.integers(0, 10**6), at=st.floats(-2.0, 2.0), noise=noises)
 def test_noise_before_rounding_is_the_same_wherever_the_force_lies(
     seed: int, at: float, noise: float

@@ -51,21 +51,13 @@ def _smooth_kink(rows: FloatArray, w: FloatArray) -> FloatArray:
     return depth
 
 
-@njit(cache=True)
 def _lifted(rows: FloatArray, time_s: FloatArray, widths_s: FloatArray) -> FloatArray:
     """Return max(force, 0) of rows (m, n), averaged over each cell, in which the force goes on in a line."""
-    force = np.maximum(rows, 0.0)
-    last = len(time_s) - 1
-    for row in range(len(rows)):
-        free = rows[row]
-        for i in range(len(free)):
-            before, after = max(i - 1, 0), min(i + 1, last)
-            if free[before] > 0.0 and free[after] > 0.0:
-                continue
-            a = 0.5 * abs(free[after] - free[before]) * widths_s[i] / (time_s[after] - time_s[before])
-            if abs(free[i]) < a:
-                force[row, i] = (free[i] + a) ** 2 / (4.0 * a)
-    return force
+    at = np.arange(len(time_s))
+    before, after = np.maximum(at - 1, 0), np.minimum(at + 1, at[-1])
+    half = 0.5 * np.abs(rows[:, after] - rows[:, before]) * widths_s / (time_s[after] - time_s[before])
+    ends = np.minimum(rows[:, before], rows[:, after]) <= 0.0
+    return np.vstack([_smooth_kink(row[None], w) for row, w in zip(rows, half * ends, strict=True)])
 
 
 def simulate_force(

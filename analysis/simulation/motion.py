@@ -262,10 +262,8 @@ def _of_unknown_drive(recorded_mm: FloatArray, noise_mm: float, rate_hz: float) 
     """Return position, velocity and acceleration (N,) of what moves all along, not as its command says; its error."""
     width = width_for_acceleration(recorded_mm, noise_mm)
     position = smoothed(recorded_mm, width)
-    velocity, error = (
-        np.gradient(position) * rate_hz,
-        np.full(len(position), noise_mm * share_that_stays(width)),
-    )
+    velocity = np.gradient(position) * rate_hz
+    error = np.full(len(position), noise_mm * share_that_stays(width))
     return position, velocity, np.gradient(velocity) * rate_hz, error
 
 

@@ -146,37 +146,31 @@ def foreseen_columns(fit: StudyFit, j: int, effects: Sequence[FloatArray]) -> Fl
     Whether a card averages over a sample no recording says, and a punch that leaves quickly makes of that an
     eighth of what the force changes by in one.
     """
-    trial, state, shared = fit.trials[j], fit.states[j], fit.shared
-    own = own_effects(state)
-    averaged = simulate(trial, state, replace(shared, averaged=True), own) - simulate(
-        trial, state, shared, own
-    )
-    return np.hstack([averaged[:, None], sample_columns(trial, effects), other_columns(fit, j)])
+    return np.hstack([other_columns(fit, j), sample_columns(fit.trials[j], effects)])
 
 
 def foreseen_precision(shared: Shared, n_effects: int) -> FloatArray:
     """Return what is known (D,) of the coefficients of `foreseen_columns`: a law is right to a tenth."""
-    in_samples = np.ones(1 + n_effects * len(PHASE_NAMES) * MOMENTS)
-    return np.append(in_samples, np.full(len(other_ways(shared)), INEXACT**-2.0))
+    of_laws = np.full(len(other_ways(shared)) - 1, INEXACT**-2.0)
+    return np.concatenate([[1.0], of_laws, np.ones(n_effects * len(PHASE_NAMES) * MOMENTS)])
 
 
 def other_ways(shared: Shared) -> list[Shared]:
-    """Return what is shared with each law acting in each of its other ways (K)."""
-    return [
+    """Return what is shared as of a card that averages, and with each law acting in each of its other ways (K)."""
+    of_laws = (
         replace(shared, laws=(*shared.laws[:at], replace(law, values=values), *shared.laws[at + 1 :]))
         for at, law in enumerate(shared.laws)
         for values in law.mechanism.otherwise(law.values)
-    ]
+    )
+    return [replace(shared, averaged=True), *of_laws]
 
 
 def other_columns(fit: StudyFit, j: int) -> FloatArray:
     """Return how the j-th trial's force differs (n, K), mN, in each of `other_ways`."""
-    trial, state, ways = fit.trials[j], fit.states[j], other_ways(fit.shared)
-    if not ways:
-        return np.zeros((len(trial.time_s), 0))
+    trial, state = fit.trials[j], fit.states[j]
     own = own_effects(state)
     whole = simulate(trial, state, fit.shared, own)
-    return np.column_stack([simulate(trial, state, way, own) - whole for way in ways])
+    return np.column_stack([simulate(trial, state, way, own) - whole for way in other_ways(fit.shared)])
 
 
 def sample_columns(trial: CellTrial, effects: Sequence[FloatArray]) -> FloatArray:

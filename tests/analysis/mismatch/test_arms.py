@@ -75,6 +75,7 @@ def test_the_weakest_arm_is_the_third_and_explains_as_much(record: Callable[...,
     assert weakest_apart(exchanged, law) is None
 
 
+@pytest.mark.slow
 def test_a_third_arm_differs_between_sites_and_leaves_no_breath(record: Callable[..., list[Trial]]) -> None:
     """As the other two do, by a tenth in strength and time; H0: nothing is found beside it."""
     plans = study_plans(depths_mm=(0.4, 0.7), repeats=6, hold_s=6.0, dwell_s=0.4)

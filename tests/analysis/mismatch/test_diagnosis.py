@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -46,6 +47,7 @@ LIVING = (
     "seed = {seed}\n[specimens]\npublished_tissue = false\nfinger_variation = 0.1\nsite_variation = 0.1\n"
 )
 SHORT = {"hold_s": 3.0, "dwell_s": 0.6}
+RUBS = 'name = "coulomb_friction"\nforce_mn = 1.0'
 
 
 def _study(
@@ -57,8 +59,12 @@ def _study(
     )
 
 
-def _diagnose(effect: str = "", **options: object) -> Diagnosis:
-    return diagnose(take_in_memory(_study(effect)), seed=1, **options)  # type: ignore[arg-type]
+def _diagnosed(effect: str) -> Diagnosis:
+    return diagnose(take_in_memory(_study(effect)), seed=1)
+
+
+_diagnose = cache(_diagnosed)
+"""What several tests ask about one study costs half a minute once."""
 
 
 def _report(found: Diagnosis) -> Report:
@@ -66,7 +72,7 @@ def _report(found: Diagnosis) -> Report:
 
 
 def test_nothing_is_named_on_living_skin_where_nothing_is_and_its_scatter_is_found() -> None:
-    found = _diagnose()
+    found = _diagnose("")
     report = _report(found)
     assert report.verdict == "no_mismatch"
     assert report.mechanisms == ()
@@ -113,15 +119,16 @@ def test_one_or_two_trials_are_weighed_by_the_noise_that_they_have_at_rest(
 @pytest.mark.parametrize(
     ("effect", "name", "parameter", "value", "within"),
     [
-        ('name = "coulomb_friction"\nforce_mn = 1.0', "coulomb_friction", "force_mn", 1.0, 0.2),
+        (RUBS, "coulomb_friction", "force_mn", 1.0, 0.2),
         ('name = "force_drift"\nrate_mn_per_s = 0.2', "force_drift", "rate_mn_per_s", 0.2, 0.15),
         # without it the tissue's second arm becomes a dashpot, and a third arm seems to be missing
-        (
+        pytest.param(
             'name = "parallel_dashpot"\ncoefficient_mn_s_per_mm = 0.8',
             "parallel_dashpot",
             "coefficient_mn_s_per_mm",
             0.8,
             0.15,
+            marks=pytest.mark.slow,
         ),
     ],
 )
@@ -174,7 +181,7 @@ def test_a_servo_that_lags_less_than_the_rig_file_s_is_named() -> None:
 @pytest.fixture(scope="module")
 def rubbing() -> Diagnosis:
     """A bench with a dry bearing."""
-    return _diagnose('name = "coulomb_friction"\nforce_mn = 1.0')
+    return _diagnose(RUBS)
 
 
 def test_a_law_that_acts_a_little_late_is_expected_to(rubbing: Diagnosis) -> None:
@@ -306,7 +313,8 @@ def test_what_ended_at_a_bound_counts_as_what_has_no_name(
     assert _report(replace(beside, nameless=much)).verdict == "unknown"
     # and it is all there is where nothing else was found
     monkeypatch.setattr("analysis.mismatch.diagnosis.findings", lambda *_: pinned)
-    alone = _diagnose('name = "coulomb_friction"\nforce_mn = 1.0')
+    monkeypatch.setattr("analysis.mismatch.diagnosis.search", lambda _: rubbing.named)
+    alone = _diagnosed(RUBS)
     assert alone.nameless.share == pytest.approx(1.0, abs=0.02)
     assert _report(alone).verdict == "unknown"
     assert any("limit of its range" in note for note in _report(alone).notes)

@@ -281,7 +281,7 @@ def test_what_is_lost_by_and_by_is_no_slip(record: Callable[..., list[Trial]]) -
         drained_mn = simulate(trial, state, fit.shared, {"share": lost}) - simulate(trial, state, fit.shared)
         drained.append(_with_course(trial, drained_mn))
     nothing = Account(fit_baseline(drained))
-    assert "slip" not in [rival.name for rival in considered(nothing, nothing, {})]
+    assert not considered(nothing, nothing, {}, among={"slip"})
 
 
 @pytest.mark.parametrize(

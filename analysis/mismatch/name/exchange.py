@@ -7,6 +7,7 @@ from dataclasses import replace
 from itertools import combinations
 
 from analysis.mismatch.evidence.account import Account
+from analysis.mismatch.name.pruning import pruned
 from analysis.mismatch.name.rivals import Named, Rival
 from analysis.mismatch.name.weighing import considered
 from analysis.simulation.mechanism import library
@@ -53,7 +54,9 @@ def one_for_two(named: Named, start: Account) -> Named:
                 ones.append(Rival(law.name, *alone.gain_over(others), alone))
             best = max(ones, key=lambda r: r.account.nats)
             besides = (r for r in instead if r.name != best.name)
-            return Named(best.account, named.rivals | {best.name: (best, *besides)}, {})
+            # what made up for what two had too much of may be needless beside one
+            there, adds = pruned(best.account, best, start)
+            return Named(there, named.rivals | {best.name: (best, *besides)}, adds)
     return named
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,7 +64,11 @@ def findings(named: Named, baseline: Account, lines: Sequence[Line]) -> tuple[Fi
         probability, alternatives = weighed(mechanism, named.rivals.get(name, ()), account.names)
         law = next((law for law in account.fit.shared.laws if law.name == name), None)
         if law is not None:
-            sizes, elsewhere = law_sizes(loose, law), at_bound(law)
+            errors = named.errors.get(name, {})
+            sizes = {
+                n: replace(q, se=max(q.se, errors.get(n, 0.0))) for n, q in law_sizes(loose, law).items()
+            }
+            elsewhere = at_bound(law)
         else:
             rhythm = would_do(account, mechanism)
             sizes = own_sizes(account, mechanism, rhythm.se_hz if rhythm else 0.0)

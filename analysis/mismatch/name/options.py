@@ -14,7 +14,7 @@ from analysis.mismatch.evidence.scatter import scatter_explained
 from analysis.mismatch.fit.baseline import noise_left
 from analysis.mismatch.fit.contacts import contacts_begun_anew
 from analysis.mismatch.fit.gram import gram, solve
-from analysis.mismatch.fit.law_fit import fit_laws, with_value
+from analysis.mismatch.fit.law_fit import fit_laws
 from analysis.mismatch.fit.settled import Settled, settled_columns
 from analysis.mismatch.fit.steadied import steadied
 from analysis.mismatch.fit.study_fit import StudyFit, with_own_values
@@ -33,8 +33,6 @@ from analysis.mismatch.name.oscillations import OscillationScan, scan_oscillatio
 FloatArray = NDArray[np.float64]
 
 FIRST_ROUNDS = 5
-TIMES_AWAY = np.log([0.25, 0.5, 0.7, 1.4, 2.0, 4.0])
-"""How far from a law's time, in its logarithm, it is begun again."""
 
 
 @dataclass(frozen=True)
@@ -243,21 +241,6 @@ def begun_again(account: Account, name: str, nothing: Account) -> Account:
     else:
         return account
     return better(account, options)
-
-
-def at_likeliest_times(account: Account) -> Account:
-    """Return the account with laws whose time is each trial's own begun from longer and shorter times, if it is better.
-
-    By one trial several times are likely, as one of its own arms is longer or shorter; together they stay about any.
-    """
-    best = account
-    for at, law in enumerate(account.fit.shared.laws):
-        for p in (p for p in law.of_site if p.scale == "log"):
-            exact = account.exact
-            for away in TIMES_AWAY:
-                there = with_value(exact.fit.shared, at, p, p.to_fit(law.values[p.name]) + away)
-                best = max(best, exact.with_laws(there.laws).reweighed(), key=lambda a: a.nats)
-    return best
 
 
 def better(account: Account, options: Sequence[Option]) -> Account:

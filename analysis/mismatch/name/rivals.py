@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.arms import weakest_apart
@@ -53,12 +53,14 @@ class Rival:
 class Named:
     """The account that predicts best, who was considered for each of its effects, by name, and what each adds.
 
-    ``adds`` are the nats that are lost without an effect, where the search came to know them.
+    ``adds`` are the nats that are lost without an effect, where the search came to know them, ``errors`` those of laws'
+    parameters that are larger than curvature says.
     """
 
     account: Account
     rivals: dict[str, tuple[Rival, ...]]
     adds: dict[str, float]
+    errors: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
 
 def as_they_stand(found: Sequence[Rival], account: Account) -> list[Rival]:

@@ -8,7 +8,8 @@ from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.evidence.itself import beside_quick_noise, in_smooth_noise
 from analysis.mismatch.levels import ENOUGH_SHARED, MOST_EFFECTS
 from analysis.mismatch.name.exchange import named_for_nameless, one_for_two
-from analysis.mismatch.name.options import at_likeliest_times, begun_again
+from analysis.mismatch.name.options import begun_again
+from analysis.mismatch.name.profile import at_likeliest
 from analysis.mismatch.name.pruning import pruned
 from analysis.mismatch.name.rivals import Named, Rival, instead, told_apart
 from analysis.mismatch.name.weighing import enough_for, explained_beside, ranked, weighed
@@ -43,8 +44,8 @@ def search(account: Account) -> Named:
     # what was considered later says who stood in an effect's place by chance, also where nothing of it was taken
     stands = one_for_two(replace(stands, rivals=named.rivals), start)
     found = {name: stands.rivals[name] for name in stands.account.names}
-    account = told_apart(at_likeliest_times(stands.account), found)
-    return Named(in_smooth_noise(account), found, stands.adds)
+    account, errors = at_likeliest(in_smooth_noise(told_apart(stands.account, found)))
+    return Named(account, found, stands.adds, errors)
 
 
 def is_more_than_noise(account: Account, before: Account) -> bool:

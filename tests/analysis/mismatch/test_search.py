@@ -635,10 +635,28 @@ def test_a_step_that_ends_worse_than_it_began_is_not_taken(monkeypatch: pytest.M
     monkeypatch.setattr(search, "one_for_two", lambda named, start: named)
     monkeypatch.setattr(search, "told_apart", lambda account, rivals: account)
     monkeypatch.setattr(search, "in_smooth_noise", lambda account: account)
+    monkeypatch.setattr(search, "one_shows_alone", lambda *_: True)
     named = search.search(NOTHING)
     assert named.account is slip
     assert [r.name for r in named.rivals["slip"]] == ["slip"]
     assert not steps
+
+
+@pytest.mark.parametrize("alone", [True, False], ids=["one shows alone", "they only cancel"])
+def test_effects_that_only_cancel_are_not_taken(alone: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A dashpot and a lag that smooth what a position has and a force has not."""
+    of = {(): 0.0, ("slip",): 900.0, ("slip", "force_lag"): 4000.0}
+    slip, both = (cast(Account, _Evidence(names, of)) for names in list(of)[1:])
+    steps = [[Rival("slip", 900.0, 1.0, slip)], [Rival("force_lag", 3100.0, 1.0, both)], []]
+    monkeypatch.setattr(search, "weighed", lambda *_: steps.pop(0))
+    monkeypatch.setattr(search, "begun_again", lambda account, name, nothing: account)
+    monkeypatch.setattr(search, "pruned", lambda account, *_: (account, {}))
+    monkeypatch.setattr(search, "is_more_than_noise", lambda *_: True)
+    monkeypatch.setattr(search, "one_for_two", lambda named, start: named)
+    monkeypatch.setattr(search, "told_apart", lambda account, rivals: account)
+    monkeypatch.setattr(search, "in_smooth_noise", lambda account: account)
+    monkeypatch.setattr(search, "one_shows_alone", lambda account, _: alone or account is slip)
+    assert search.search(NOTHING).account is (both if alone else slip)
 
 
 @pytest.mark.parametrize("itself", [True, False], ids=["two that explain themselves", "one that does not"])
@@ -675,6 +693,7 @@ def test_what_is_bent_by_another_that_is_missing_leads_to_it(
     monkeypatch.setattr(search, "pruned", lambda account, *_: (account, {}))
     monkeypatch.setattr(search, "told_apart", lambda account, rivals: account)
     monkeypatch.setattr(search, "in_smooth_noise", lambda account: account)
+    monkeypatch.setattr(search, "one_shows_alone", lambda *_: True)
     named = search.search(NOTHING)
     assert named.account is (both if itself else NOTHING)
     assert set(named.rivals) == set(both.names if itself else ())

@@ -13,6 +13,7 @@ from analysis.mismatch.name.profile import at_likeliest
 from analysis.mismatch.name.pruning import pruned
 from analysis.mismatch.name.rivals import Named, Rival, instead, told_apart
 from analysis.mismatch.name.weighing import enough_for, explained_beside, ranked, weighed
+from analysis.simulation.mechanism import library
 
 
 def search(account: Account) -> Named:
@@ -25,6 +26,10 @@ def search(account: Account) -> Named:
         if not step:
             break
         best = step[0]
+        nameless = [name for name in (best.name, *before.account.names) if name not in library()]
+        if best.name in nameless and len(nameless) > 1:
+            # a second shape says no more than the first: that something is there
+            break
         rivals = before.rivals | ({lead.name: (lead,)} if lead else {})
         rivals = {name: instead(others, step) for name, others in rivals.items()} | {best.name: step}
         account, adds = pruned(begun_again(best.settled_account(), best.name, start), best, start)

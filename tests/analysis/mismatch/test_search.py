@@ -659,6 +659,28 @@ def test_effects_that_only_cancel_are_not_taken(alone: bool, monkeypatch: pytest
     assert search.search(NOTHING).account is (both if alone else slip)
 
 
+@pytest.mark.parametrize(
+    ("second", "taken"), [("swell", False), ("slip", True)], ids=["nameless, too", "one with a name"]
+)
+def test_a_second_shape_without_a_name_is_not_looked_for(
+    second: str, taken: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a sensor that slews no name was found: three shapes were fitted in every trial, for a quarter of an hour."""
+    of = {(): 0.0, ("zero_step",): 900.0, ("zero_step", second): 4000.0}
+    zero, both = (cast(Account, _Evidence(names, of)) for names in list(of)[1:])
+    steps = [[Rival("zero_step", 900.0, 1.0, zero)], [Rival(second, 3100.0, 1.0, both)], []]
+    monkeypatch.setattr(search, "next_step", lambda *_: (tuple(steps.pop(0)), None))
+    monkeypatch.setattr(search, "begun_again", lambda account, name, nothing: account)
+    monkeypatch.setattr(search, "pruned", lambda account, *_: (account, {}))
+    monkeypatch.setattr(search, "is_more_than_noise", lambda *_: True)
+    monkeypatch.setattr(search, "one_for_two", lambda named, start: named)
+    monkeypatch.setattr(search, "told_apart", lambda account, rivals: account)
+    monkeypatch.setattr(search, "in_smooth_noise", lambda account: account)
+    monkeypatch.setattr(search, "one_shows_alone", lambda *_: True)
+    monkeypatch.setattr(search, "named_for_nameless", lambda named, *_: named)
+    assert search.search(NOTHING).account is (both if taken else zero)
+
+
 @pytest.mark.parametrize("itself", [True, False], ids=["two that explain themselves", "one that does not"])
 def test_what_is_bent_by_another_that_is_missing_leads_to_it(
     itself: bool, monkeypatch: pytest.MonkeyPatch

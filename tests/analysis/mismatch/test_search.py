@@ -782,6 +782,7 @@ def test_what_is_no_more_than_noise_by_itself_may_be_so_with_one_beside_it(
     monkeypatch.setattr(search, "pruned", lambda account, *_: (account, {}))
     monkeypatch.setattr(search, "told_apart", lambda account, rivals: account)
     monkeypatch.setattr(search, "in_smooth_noise", lambda account: account if account.names else smooth)
+    monkeypatch.setattr(search, "one_shows_alone", lambda *_: True)
     monkeypatch.setattr(search, "beside_quick_noise", lambda account, of: account)
     assert search.search(NOTHING).account is (both if named else smooth)
 

@@ -83,7 +83,9 @@ def test_nothing_is_named_on_living_skin_where_nothing_is_and_its_scatter_is_fou
     assert "lever_compliance" in {a.mechanism.name for a in found.absorbed}
 
 
-@pytest.mark.parametrize(("amplitude_um", "frequency_hz"), [(2.7, 19.0), (2.0, 24.0)])
+@pytest.mark.parametrize(
+    ("amplitude_um", "frequency_hz"), [(2.7, 19.0), pytest.param(2.0, 24.0, marks=pytest.mark.slow)]
+)
 def test_what_is_left_of_a_tone_is_unknown_and_somewhere(amplitude_um: float, frequency_hz: float) -> None:
     """A drive that hunts sways about its tone; no window of a trial tells that by itself, and all of them do."""
     hunting = f'name = "servo_hunting"\namplitude_um = {amplitude_um}\nfrequency_hz = {frequency_hz}'
@@ -145,6 +147,7 @@ def test_an_effect_is_named_and_measured_on_living_skin(
     assert report.heldout.improved_rms_mn < report.heldout.baseline_rms_mn
 
 
+@pytest.mark.slow
 def test_a_slip_is_named_or_stands_beside_the_shift_that_it_looks_like() -> None:
     report = _report(_diagnose('name = "slip"\ndrop_mn = 3.0\ntime_s = 3.0'))
     (found,) = report.mechanisms

@@ -170,6 +170,7 @@ def test_how_far_a_shift_swings_at_first_is_not_its_size(record: Callable[..., l
     assert [s.coefficients[0] for s in there.states] == pytest.approx([0.016] * 3, rel=0.08)
 
 
+@pytest.mark.slow
 def test_a_slip_that_is_off_as_it_ends_is_no_friction(record: Callable[..., list[Trial]]) -> None:
     """Of a drop that is larger as the punch lifts off, by a half and in waves; H0: no law explains what that leaves."""
     plans = study_plans(depths_mm=(0.4, 0.7), repeats=4, hold_s=3.0, dwell_s=0.4)
@@ -285,7 +286,9 @@ def test_what_is_lost_by_and_by_is_no_slip(record: Callable[..., list[Trial]]) -
 
 
 @pytest.mark.parametrize(
-    ("stays", "first"), [(True, "zero_step"), (False, "swell")], ids=["stays", "comes and goes"]
+    ("stays", "first"),
+    [(True, "zero_step"), pytest.param(False, "swell", marks=pytest.mark.slow)],
+    ids=["stays", "comes and goes"],
 )
 def test_what_changes_slowly_once_or_twice_in_a_trial_is_no_breath(
     record: Callable[..., list[Trial]], stays: bool, first: str

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,14 +20,14 @@ AWAY = tuple(np.log([0.25, 0.35, 0.5, 0.7, 0.85, 1.0, 1.2, 1.4, 2.0, 2.8, 4.0]).
 
 
 @dataclass(frozen=True)
-class Held:
+class HeldAt:
     """An account in which a parameter of the law at a place is held, so far (in its logarithm) from where it was."""
 
     account: Account
     at: int
     away: float
 
-    @cached_property
+    @property
     def nats(self) -> float:
         """The evidence; what other parameters leave open is integrated out."""
         return self.account.nats
@@ -73,17 +72,17 @@ def _inside(p: Parameter, law: Law, away: float) -> bool:
     return p.lower < law.values[p.name] * float(np.exp(away)) < p.upper
 
 
-def held(account: Account, at: int, p: Parameter, away: float) -> Held:
+def held(account: Account, at: int, p: Parameter, away: float) -> HeldAt:
     """Return the account refitted with a law's parameter held at so many times its value (as a logarithm)."""
     laws = list(account.fit.shared.laws)
     law = laws[at]
     values = {**law.values, p.name: law.values[p.name] * float(np.exp(away))}
     laws[at] = replace(law, values=values, free=tuple(name for name in law.free if name != p.name))
     there = account.exact.with_laws(tuple(laws))
-    return Held(there.inexact_to(account.inexact) if account.inexact else there, at, away)
+    return HeldAt(there.inexact_to(account.inexact) if account.inexact else there, at, away)
 
 
-def released(best: Held, free: tuple[str, ...], account: Account) -> Account:
+def released(best: HeldAt, free: tuple[str, ...], account: Account) -> Account:
     """Return the account where a parameter was held, that free again."""
     laws = list(best.account.fit.shared.laws)
     laws[best.at] = replace(best.law, free=free)
@@ -91,7 +90,7 @@ def released(best: Held, free: tuple[str, ...], account: Account) -> Account:
     return replace(best.account, fit=fit, granted=account.granted)
 
 
-def likely(profile: Sequence[Held]) -> FloatArray:
+def likely(profile: Sequence[HeldAt]) -> FloatArray:
     """Return how likely each of the values held is (K,), all being alike in their logarithm beforehand."""
     nats = np.array([h.nats for h in profile])
     steps = np.gradient([h.away for h in profile]) if len(profile) > 1 else np.ones(1)
@@ -99,7 +98,7 @@ def likely(profile: Sequence[Held]) -> FloatArray:
     return np.asarray(weights / weights.sum())
 
 
-def spread(best: Held, profile: Sequence[Held]) -> dict[str, float]:
+def spread(best: HeldAt, profile: Sequence[HeldAt]) -> dict[str, float]:
     """Return how far (rms) each of a law's parameters is from where it is held best, over all that are likely."""
     weights = likely(profile)
     return {

@@ -39,9 +39,11 @@ def search(account: Account) -> Named:
         if needless and account.nats > nats and before is stands:
             stands = named
         # nor is what led to it itself beside that, nor do effects that only cancel each other say anything
-        if needless or (lead and not explained_beside(account, lead.name, start)):
-            break
-        if not one_shows_alone(account, start):
+        if (
+            needless
+            or (lead and not explained_beside(account, lead.name, start))
+            or not one_shows_alone(account, start)
+        ):
             break
         if is_more_than_noise(account, stands.account):
             stands = named

@@ -642,6 +642,16 @@ def test_a_step_that_ends_worse_than_it_began_is_not_taken(monkeypatch: pytest.M
     assert not steps
 
 
+def _take_as_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a search take every account as it was found: nothing begun again, pruned, exchanged or weighed anew."""
+    monkeypatch.setattr(search, "begun_again", lambda account, name, nothing: account)
+    monkeypatch.setattr(search, "pruned", lambda account, *_: (account, {}))
+    monkeypatch.setattr(search, "is_more_than_noise", lambda *_: True)
+    monkeypatch.setattr(search, "one_for_two", lambda named, start: named)
+    monkeypatch.setattr(search, "told_apart", lambda account, rivals: account)
+    monkeypatch.setattr(search, "in_smooth_noise", lambda account: account)
+
+
 @pytest.mark.parametrize("alone", [True, False], ids=["one shows alone", "they only cancel"])
 def test_effects_that_only_cancel_are_not_taken(alone: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """A dashpot and a lag that smooth what a position has and a force has not."""
@@ -649,12 +659,7 @@ def test_effects_that_only_cancel_are_not_taken(alone: bool, monkeypatch: pytest
     slip, both = (cast(Account, _Evidence(names, of)) for names in list(of)[1:])
     steps = [[Rival("slip", 900.0, 1.0, slip)], [Rival("force_lag", 3100.0, 1.0, both)], []]
     monkeypatch.setattr(search, "weighed", lambda *_: steps.pop(0))
-    monkeypatch.setattr(search, "begun_again", lambda account, name, nothing: account)
-    monkeypatch.setattr(search, "pruned", lambda account, *_: (account, {}))
-    monkeypatch.setattr(search, "is_more_than_noise", lambda *_: True)
-    monkeypatch.setattr(search, "one_for_two", lambda named, start: named)
-    monkeypatch.setattr(search, "told_apart", lambda account, rivals: account)
-    monkeypatch.setattr(search, "in_smooth_noise", lambda account: account)
+    _take_as_found(monkeypatch)
     monkeypatch.setattr(search, "one_shows_alone", lambda account, _: alone or account is slip)
     assert search.search(NOTHING).account is (both if alone else slip)
 
@@ -670,12 +675,7 @@ def test_a_second_shape_without_a_name_is_not_looked_for(
     zero, both = (cast(Account, _Evidence(names, of)) for names in list(of)[1:])
     steps = [[Rival("zero_step", 900.0, 1.0, zero)], [Rival(second, 3100.0, 1.0, both)], []]
     monkeypatch.setattr(search, "next_step", lambda *_: (tuple(steps.pop(0)), None))
-    monkeypatch.setattr(search, "begun_again", lambda account, name, nothing: account)
-    monkeypatch.setattr(search, "pruned", lambda account, *_: (account, {}))
-    monkeypatch.setattr(search, "is_more_than_noise", lambda *_: True)
-    monkeypatch.setattr(search, "one_for_two", lambda named, start: named)
-    monkeypatch.setattr(search, "told_apart", lambda account, rivals: account)
-    monkeypatch.setattr(search, "in_smooth_noise", lambda account: account)
+    _take_as_found(monkeypatch)
     monkeypatch.setattr(search, "one_shows_alone", lambda *_: True)
     monkeypatch.setattr(search, "named_for_nameless", lambda named, *_: named)
     assert search.search(NOTHING).account is (both if taken else zero)

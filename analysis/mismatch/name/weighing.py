@@ -19,7 +19,7 @@ from analysis.mismatch.levels import (
 from analysis.mismatch.locate.remainder import shape_left
 from analysis.mismatch.name.law_sizes import size_is_told
 from analysis.mismatch.name.options import added, begun_again
-from analysis.mismatch.name.oscillations import phases_alike
+from analysis.mismatch.name.oscillations import phases_alike, stops_at_rest
 from analysis.mismatch.name.own_sizes import own_sizes
 from analysis.mismatch.name.rivals import Rival, as_they_stand, best_first
 from analysis.mismatch.name.tries import worth_trying
@@ -132,7 +132,7 @@ def stands_for_shape(account: Account, without: Account, gain: float) -> bool:
 
 def is_nothing(account: Account, name: str) -> bool:
     """Return whether an effect of an account is nothing: a law of no size, a band without a frequency, or a rhythm that
-    shows no more than is unsure, or begins at one phase in all trials.
+    shows no more than is unsure, begins at one phase in all trials, or comes with motion.
     """
     fit = account.fit
     if any(law.is_nothing for law in fit.shared.laws if law.name == name):
@@ -143,6 +143,6 @@ def is_nothing(account: Account, name: str) -> bool:
     mechanism = library().get(name)
     if name not in account.steps or mechanism is None or mechanism.form != "oscillation":
         return False
-    if phases_alike(fit, name) > ENOUGH_ONCE:
+    if phases_alike(fit, name) > ENOUGH_ONCE or stops_at_rest(fit, name):
         return True
     return not bands and not own_sizes(account, mechanism)[mechanism.amplitude].value > 0.0

@@ -356,6 +356,22 @@ def test_what_begins_alike_in_all_trials_is_no_rhythm_of_a_body(
     assert is_nothing(moving, name) is locked
 
 
+@pytest.mark.parametrize("at_rest", [0.0, 0.4, 0.7, 1.0])
+def test_what_comes_with_motion_is_no_rhythm_of_a_body(
+    record: Callable[..., list[Trial]], at_rest: float
+) -> None:
+    """A gear's ripple is there while the punch moves; a tremor, drawn in each trial anew, does not know of that."""
+    there = _oscillating(record, "tremor", 12.0, repeats=8, hold_s=2.0)
+    random = np.random.default_rng(50)
+    states = []
+    for trial, state in zip(there.trials, there.states, strict=True):
+        size_mm = np.where(trial.in_phase("hold"), at_rest, 1.0) * 0.002
+        wave_mm = size_mm * np.cos(2 * np.pi * 12.0 * trial.time_s + random.uniform(0.0, 2 * np.pi))
+        states.append(replace(state, rhythms=tuple(replace(r, found_mm=wave_mm) for r in state.rhythms)))
+    moving = Account(replace(there, states=tuple(states)), steps={"tremor": 0.0})
+    assert is_nothing(moving, "tremor") is (at_rest < 0.5)
+
+
 def test_a_breath_of_a_cycle_says_little_of_its_frequency(record: Callable[..., list[Trial]]) -> None:
     """Tissue takes up the slow part of a wave of 0.25 Hz that is there for 4 s; of three waves it takes little."""
     unsure = []

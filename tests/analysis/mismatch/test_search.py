@@ -620,6 +620,16 @@ def test_what_is_missing_leads_others_no_further_than_to_nothing(
     assert (found, adds) == ((NOTHING, {}) if common else (account, {"slip": 1000.0, "stiffening": 100.0}))
 
 
+def _take_as_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a search take every account as it was found: nothing begun again, pruned, exchanged or weighed anew."""
+    monkeypatch.setattr(search, "begun_again", lambda account, name, nothing: account)
+    monkeypatch.setattr(search, "pruned", lambda account, *_: (account, {}))
+    monkeypatch.setattr(search, "one_for_two", lambda named, start: named)
+    monkeypatch.setattr(search, "told_apart", lambda account, rivals: account)
+    monkeypatch.setattr(search, "in_smooth_noise", lambda account: account)
+    monkeypatch.setattr(search, "one_shows_alone", lambda *_: True)
+
+
 def test_a_step_that_ends_worse_than_it_began_is_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
     of = {(): 0.0, ("slip",): 900.0, ("slip", "stiffening"): 1000.0, ("stiffening",): -9000.0}
     slip, both, worse = (
@@ -630,26 +640,12 @@ def test_a_step_that_ends_worse_than_it_began_is_not_taken(monkeypatch: pytest.M
     second = (Rival("stiffening", 1000.0, 1.0, both), Rival("motion_artefact", 800.0, 1.0, both))
     steps = [first, second]
     monkeypatch.setattr(search, "weighed", lambda *_: steps.pop(0))
-    monkeypatch.setattr(search, "begun_again", lambda account, name, nothing: account)
+    _take_as_found(monkeypatch)
     monkeypatch.setattr(search, "pruned", lambda account, *_: (worse if account is both else account, {}))
-    monkeypatch.setattr(search, "one_for_two", lambda named, start: named)
-    monkeypatch.setattr(search, "told_apart", lambda account, rivals: account)
-    monkeypatch.setattr(search, "in_smooth_noise", lambda account: account)
-    monkeypatch.setattr(search, "one_shows_alone", lambda *_: True)
     named = search.search(NOTHING)
     assert named.account is slip
     assert [r.name for r in named.rivals["slip"]] == ["slip"]
     assert not steps
-
-
-def _take_as_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let a search take every account as it was found: nothing begun again, pruned, exchanged or weighed anew."""
-    monkeypatch.setattr(search, "begun_again", lambda account, name, nothing: account)
-    monkeypatch.setattr(search, "pruned", lambda account, *_: (account, {}))
-    monkeypatch.setattr(search, "is_more_than_noise", lambda *_: True)
-    monkeypatch.setattr(search, "one_for_two", lambda named, start: named)
-    monkeypatch.setattr(search, "told_apart", lambda account, rivals: account)
-    monkeypatch.setattr(search, "in_smooth_noise", lambda account: account)
 
 
 @pytest.mark.parametrize("alone", [True, False], ids=["one shows alone", "they only cancel"])
@@ -676,7 +672,6 @@ def test_a_second_shape_without_a_name_is_not_looked_for(
     steps = [[Rival("zero_step", 900.0, 1.0, zero)], [Rival(second, 3100.0, 1.0, both)], []]
     monkeypatch.setattr(search, "next_step", lambda *_: (tuple(steps.pop(0)), None))
     _take_as_found(monkeypatch)
-    monkeypatch.setattr(search, "one_shows_alone", lambda *_: True)
     monkeypatch.setattr(search, "named_for_nameless", lambda named, *_: named)
     assert search.search(NOTHING).account is (both if taken else zero)
 
@@ -711,11 +706,7 @@ def test_what_is_bent_by_another_that_is_missing_leads_to_it(
     monkeypatch.setattr(search, "weighed", lambda account, *_: steps[account.names])
     monkeypatch.setattr(weighing, "left_over", lambda *_: NOTHING_LEFT)
     monkeypatch.setattr(weighing, "as_rival", beside)
-    monkeypatch.setattr(search, "begun_again", lambda account, name, nothing: account)
-    monkeypatch.setattr(search, "pruned", lambda account, *_: (account, {}))
-    monkeypatch.setattr(search, "told_apart", lambda account, rivals: account)
-    monkeypatch.setattr(search, "in_smooth_noise", lambda account: account)
-    monkeypatch.setattr(search, "one_shows_alone", lambda *_: True)
+    _take_as_found(monkeypatch)
     named = search.search(NOTHING)
     assert named.account is (both if itself else NOTHING)
     assert set(named.rivals) == set(both.names if itself else ())
@@ -739,9 +730,7 @@ def test_what_slow_noise_of_a_band_explains_is_not_named(
     smooth = cast(Account, _Evidence((), {(): noise}))
     steps = {(): [Rival("slip", 900.0, 1.0, slip)], ("slip",): []}
     monkeypatch.setattr(search, "weighed", lambda account, *_: steps[account.names])
-    monkeypatch.setattr(search, "begun_again", lambda account, name, nothing: account)
-    monkeypatch.setattr(search, "pruned", lambda account, *_: (account, {}))
-    monkeypatch.setattr(search, "told_apart", lambda account, rivals: account)
+    _take_as_found(monkeypatch)
     monkeypatch.setattr(search, "in_smooth_noise", lambda account: account if account.names else smooth)
     monkeypatch.setattr(search, "beside_quick_noise", lambda *_: slip_beside)
     assert search.search(NOTHING).account is (slip if named else smooth)
@@ -778,11 +767,8 @@ def test_what_is_no_more_than_noise_by_itself_may_be_so_with_one_beside_it(
         breath: [],
     }
     monkeypatch.setattr(search, "weighed", lambda account, *_: steps[account.names])
-    monkeypatch.setattr(search, "begun_again", lambda account, name, nothing: account)
-    monkeypatch.setattr(search, "pruned", lambda account, *_: (account, {}))
-    monkeypatch.setattr(search, "told_apart", lambda account, rivals: account)
+    _take_as_found(monkeypatch)
     monkeypatch.setattr(search, "in_smooth_noise", lambda account: account if account.names else smooth)
-    monkeypatch.setattr(search, "one_shows_alone", lambda *_: True)
     monkeypatch.setattr(search, "beside_quick_noise", lambda account, of: account)
     assert search.search(NOTHING).account is (both if named else smooth)
 

@@ -16,6 +16,7 @@ from scipy.optimize import least_squares
 from analysis.recordings.trial import Trial
 from analysis.simulation.servo import DEFAULT_DAMPING_RATIO, DEFAULT_NATURAL_FREQUENCY_RAD_S, follow
 from analysis.simulation.smoothing import (
+    averaged_noise,
     position_noise,
     share_that_stays,
     smoothed,
@@ -208,6 +209,7 @@ def estimate_motion(trial: Trial, servo: FoundServo = NOMINAL_SERVO) -> Motion:
     if trial.command_mm is None:
         smooth, rest_v, rest_a, error = _without_command(recorded, noise_mm, near, rate)
     elif _servo_explains(recorded, noise_mm, base):
+        noise_mm = max(noise_mm, averaged_noise(recorded - base, max(1, round(SLOW_SMOOTHING_S * rate))))
         smooth, rest_v, rest_a, error = _beside_servo(recorded - base, noise_mm, near, rate)
     else:
         # a drive that is no such servo: its answer would add accelerations that never were

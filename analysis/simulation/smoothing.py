@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import label, maximum, median_filter
 from scipy.signal import oaconvolve
 from scipy.signal.windows import gaussian
+from scipy.special import ndtri
 
 FloatArray = NDArray[np.float64]
 
@@ -59,6 +60,19 @@ def sample_noise(signal: FloatArray) -> float:
     """Return the rms of white noise in a smooth signal (N,), from its fourth differences."""
     jumps = np.abs(np.diff(signal, NOISE_ORDER))
     return float(np.quantile(jumps, 0.9545)) / 2.0 / float(np.sqrt(comb(2 * NOISE_ORDER, NOISE_ORDER)))
+
+
+def averaged_noise(signal: FloatArray, samples: int) -> float:
+    """Return the rms of white noise of which a mean over so many samples is as noisy as of a smooth signal (N,).
+
+    Noise that neighbours share, as behind a filter, does not average out as white noise does, and a sample tells
+    nothing of that. It is from fourth differences of the means, and their median: where a motion turns they are large.
+    """
+    whole = signal[: len(signal) // samples * samples].reshape(-1, samples).mean(axis=1)
+    if len(whole) <= NOISE_ORDER:
+        return 0.0
+    jump = float(np.median(np.abs(np.diff(whole, NOISE_ORDER)))) / float(ndtri(0.75))
+    return jump * float(np.sqrt(samples / comb(2 * NOISE_ORDER, NOISE_ORDER)))
 
 
 def position_noise(position: FloatArray) -> float:
@@ -143,19 +157,19 @@ def smoothed_as_it_bears(position: FloatArray, noise: float, widest_samples: flo
     of_position, of_velocity = noise * np.array(errors).T
     found, error = _widest_that_agree(positions, of_position)
     velocity, of_it = _widest_that_agree(np.gradient(positions, axis=1), of_velocity)
-    return np.array([found, np.where(_moves(velocity, of_it), velocity, 0.0), error])
+    return np.array([found, np.where(beyond_noise(velocity, of_it), velocity, 0.0), error])
 
 
-def _moves(velocity: FloatArray, error: FloatArray) -> NDArray[np.bool_]:
-    """Return where velocities (N,) of some standard errors (N,) are a motion: two of them, more than noise somewhere.
+def beyond_noise(signal: FloatArray, error: FloatArray) -> NDArray[np.bool_]:
+    """Return where a signal (N,) of some standard errors (N,) is no noise: two of them, more than noise somewhere.
 
-    More than noise is what is beyond the universal threshold; a stretch of motion begins and ends below that
+    More than noise is what is beyond the universal threshold; a stretch, as of motion, begins and ends below that
     (hysteresis: Canny, IEEE Trans. Pattern Anal. 8:679, 1986).
     """
-    errors = np.abs(velocity) / np.maximum(error, LEAST_NOISE)
+    errors = np.abs(signal) / np.maximum(error, LEAST_NOISE)
     stretches, n = label(errors > AGREE)
     most = maximum(errors, stretches, np.arange(1, n + 1))
-    return np.asarray(np.append(0.0, most)[stretches] > np.sqrt(2.0 * np.log(len(velocity))))
+    return np.asarray(np.append(0.0, most)[stretches] > np.sqrt(2.0 * np.log(len(signal))))
 
 
 def _widest_that_agree(rows: FloatArray, errors: FloatArray) -> tuple[FloatArray, FloatArray]:

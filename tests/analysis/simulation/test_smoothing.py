@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.signal import lfilter
 
 from analysis.simulation.smoothing import (
+    averaged_noise,
     position_noise,
     sample_noise,
     smoothed,
@@ -139,3 +141,14 @@ def test_a_converter_s_steps_are_no_motion() -> None:
     _, velocity, _ = smoothed_as_it_bears(recorded_mm, position_noise(recorded_mm), 640.0)
     np.testing.assert_allclose(velocity[2030:2145], 4e-3, rtol=0.03)
     assert not np.any(velocity[:1900])
+
+
+@pytest.mark.parametrize("shared", [0.0, 0.5, 0.8])
+def test_noise_that_neighbours_share_averages_out_less(shared: float) -> None:
+    """White noise through one pole: a mean over many samples is as noisy as of white noise 1 / (1 - pole) times as
+    large, which a sample does not show. Told to a tenth beside a ramp that begins and ends; seed fixed."""
+    white = np.random.default_rng(52).standard_normal(40_000)
+    noise = lfilter([1.0], [1.0, -shared], white)
+    ramp = np.clip(np.arange(40_000.0) - 15_000.0, 0.0, 1_000.0)
+    assert averaged_noise(ramp + noise, 40) == pytest.approx(1.0 / (1.0 - shared), rel=0.15)
+    assert averaged_noise(noise[:100], 40) == 0.0

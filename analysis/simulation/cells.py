@@ -53,7 +53,7 @@ class CellTrial:
     travel). ``lever`` tells whether the tip is that of a lever arm. ``finger`` is whose and which finger, as far as was
     stated. ``punch_ratio`` is the diameter of its flat punch over that of the study's.
     ``levels`` are those to which a coarse converter rounded the force. ``position_error_mm`` is what smoothing left of
-    the position's noise ``position_noise_mm``.
+    the position's noise ``position_noise_mm``, ``beside_servo_mm`` what of the position no servo explains.
     """
 
     label: str
@@ -88,6 +88,7 @@ class CellTrial:
     levels: Levels | None = None
     position_error_mm: FloatArray | None = None
     position_noise_mm: float = 0.0
+    beside_servo_mm: FloatArray | None = None
     fitted: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
     uneven_s: FloatArray | None = None
 

@@ -17,6 +17,7 @@ from analysis.recordings.trial import Trial
 from analysis.simulation.servo import DEFAULT_DAMPING_RATIO, DEFAULT_NATURAL_FREQUENCY_RAD_S, follow
 from analysis.simulation.smoothing import (
     averaged_noise,
+    beyond_noise,
     position_noise,
     share_that_stays,
     smoothed,
@@ -56,6 +57,7 @@ class Motion:
     and so pushes it once a sample: just before it steps, and just after.
     ``kinks`` are the samples at which the velocity of the command changes at once.
     ``position_error_mm`` is the standard error that smoothing leaves of a position with noise ``noise_mm``.
+    ``beside_servo_mm`` is what of the position no servo explains, and no noise; zero where none is known.
     """
 
     position_mm: FloatArray
@@ -67,6 +69,7 @@ class Motion:
     kinks: IntArray
     position_error_mm: FloatArray
     noise_mm: float
+    beside_servo_mm: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -236,7 +239,14 @@ def estimate_motion(trial: Trial, servo: FoundServo = NOMINAL_SERVO) -> Motion:
         kinks=kinks,
         position_error_mm=error,
         noise_mm=noise_mm,
+        beside_servo_mm=_shown(smooth, error, noise_mm) if base.any() else np.zeros_like(recorded),
     )
+
+
+def _shown(rest_mm: FloatArray, error_mm: FloatArray, noise_mm: float) -> FloatArray:
+    """Return what of a position beside the servo's answer (N,) is no noise; nothing, if less than that of a sample."""
+    shown_mm = np.where(beyond_noise(rest_mm, error_mm), rest_mm, 0.0)
+    return shown_mm if float(np.abs(shown_mm).max()) > noise_mm else np.zeros_like(rest_mm)
 
 
 def _near(kinks: IntArray, n: int, rate_hz: float) -> FloatArray:

@@ -200,6 +200,7 @@ def reduce_trial(
         levels=levels_of(force_mn) if trial.native is None else None,
         position_error_mm=mean(motion.position_error_mm),
         position_noise_mm=motion.noise_mm,
+        beside_servo_mm=mean(motion.beside_servo_mm),
         uneven_s=None if trial.native is None else samples_s,
     )
     return replace(reduced, force_mn=reduced.cell_means(force_mn))

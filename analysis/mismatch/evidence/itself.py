@@ -98,31 +98,6 @@ def mends(account: Account, before: Account, nothing: Account, gain: float) -> b
     return account.granted <= before.granted - ENOUGH_SHARED
 
 
-def one_shows_alone(account: Account, nothing: Account) -> bool:
-    """Return whether one of an account's effects explains without the others a tenth of what all do, by one noise.
-
-    Effects of which none does are large only against each other: a dashpot before a sensor that lags is an arm of the
-    tissue, and smooths whatever a position has that the force has not. ``nothing`` is the account without effects.
-    """
-    if len(account.names) < 2:
-        return True
-    exact = account.exact
-    bare = nothing.at_noise(exact.fit.noise)
-    least = SMALL_SHARE * exact.gain_over(bare)[0]
-    return any(_alone(exact, name).gain_over(bare)[0] >= least for name in account.names)
-
-
-def _alone(account: Account, name: str) -> Account:
-    """Return the account refitted with one of its effects only, its tissues begun anew if that is likelier."""
-    for other in (n for n in account.names if n != name):
-        account = account.stripped(other)
-    return max(
-        account.with_laws(account.fit.shared.laws),
-        account.begun_anew(account.fit.noise),
-        key=lambda a: a.nats,
-    )
-
-
 def brings_itself(account: Account, name: str) -> bool:
     """Return whether an effect gains what it does nearly as the textbook has it: half without what it may do besides.
 

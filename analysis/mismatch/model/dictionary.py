@@ -1,4 +1,4 @@
-"""The laws of the library as columns: what each would add to a fitted simulation, at every setting of its shape."""
+"""The laws as columns: what each would add to a fitted simulation, at every setting of its shape."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.mismatch.model.effects import Law, Shared, TrialState, own_effects, simulate
+from analysis.mismatch.model.unfollowed import UNFOLLOWED
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.mechanism import Mechanism, Values, library
 
@@ -42,7 +43,8 @@ class Template:
 
 
 def templates(trials: Sequence[CellTrial], without: Collection[str] = ()) -> list[Template]:
-    """Return the settings at which these trials could show each law of the library that is none of those ``without``.
+    """Return the settings at which these trials could show each law that is none of those ``without``: of the library,
+    and one that has no name there.
 
     Of those that relax there is one: beside it another would say no more than how rough it is.
     """
@@ -50,7 +52,7 @@ def templates(trials: Sequence[CellTrial], without: Collection[str] = ()) -> lis
     depth_mm = max(t.study_depth_mm for t in trials)
     found = []
     relaxing = any(library()[name].relaxes for name in without if name in library())
-    for m in library().values():
+    for m in (*library().values(), UNFOLLOWED):
         is_another = m.name not in without and not (m.relaxes and relaxing)
         if m.form != "law" or not is_another or not any(m.applies(t) for t in trials):
             continue

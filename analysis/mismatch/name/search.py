@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from analysis.mismatch.evidence.account import Account
-from analysis.mismatch.evidence.itself import beside_quick_noise, in_smooth_noise, one_shows_alone
+from analysis.mismatch.evidence.itself import beside_quick_noise, in_smooth_noise
 from analysis.mismatch.levels import ENOUGH_SHARED, MOST_EFFECTS
 from analysis.mismatch.name.exchange import named_for_nameless, one_for_two
 from analysis.mismatch.name.options import begun_again
@@ -38,12 +38,8 @@ def search(account: Account) -> Named:
         needless = account.nats < nats + (0.0 if best.name in account.names else ENOUGH_SHARED)
         if needless and account.nats > nats and before is stands:
             stands = named
-        # nor is what led to it itself beside that, nor do effects that only cancel each other say anything
-        if (
-            needless
-            or (lead and not explained_beside(account, lead.name, start))
-            or not one_shows_alone(account, start)
-        ):
+        if needless or (lead and not explained_beside(account, lead.name, start)):
+            # nor is what led to it itself beside that
             break
         if is_more_than_noise(account, stands.account):
             stands = named

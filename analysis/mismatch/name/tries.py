@@ -92,7 +92,7 @@ def worth_trying(account: Account, nothing: Account, left: LeftOver, among: Coll
 
 def _is_taken_up(name: str, account: Account) -> bool:
     """Whether the tissue stands for a law: a line about it then has nothing of that."""
-    return library()[name].like_a_quick_arm and account.fit.population.arm_ended
+    return name in library() and library()[name].like_a_quick_arm and account.fit.population.arm_ended
 
 
 def own_among(account: Account, among: Collection[str] | None) -> list[Option]:

@@ -101,5 +101,6 @@ def planned_cells(plan: PlannedTrial, sample_rate_hz: float, order: int = 0) -> 
         kinks=np.array(sorted(set(kinks)), dtype=np.int64),
         position_error_mm=np.zeros(n),
         noise_mm=0.0,
+        beside_servo_mm=np.zeros(n),
     )
     return reduce_trial(trial, motion, order=order, pressed_before=(plan.previous_depth_mm, plan.rest_s))

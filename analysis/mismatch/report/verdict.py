@@ -11,7 +11,7 @@ from analysis.mismatch.diagnosis import Diagnosis
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.gram import solve
 from analysis.mismatch.levels import SMALL_SHARE, TOLERANCE_SHARE
-from analysis.mismatch.locate.remainder import Nameless, is_small
+from analysis.mismatch.locate.remainder import is_small
 from analysis.mismatch.model.effects import TISSUE_NAMES, TISSUE_SIZE
 from analysis.mismatch.name.finding import Finding
 from analysis.mismatch.name.own_sizes import SIZE_INEXACT, Quantity
@@ -66,7 +66,7 @@ def make_report(diagnosis: Diagnosis, *, baseline: str, seed: int, tolerance_mn:
         notes=(
             *diagnosis.intake.notes,
             *_notes(diagnosis, mechanisms),
-            *_nameless_note(diagnosis.nameless),
+            *_nameless_note(diagnosis),
             *tolerated,
         ),
         tolerance_mn=tolerance_mn,
@@ -75,16 +75,23 @@ def make_report(diagnosis: Diagnosis, *, baseline: str, seed: int, tolerance_mn:
         setting=diagnosis.intake.setting,
         imports=diagnosis.intake.imports,
     )
-    return replace(report, summary=wording.summary(report))
+    return replace(report, summary=wording.summary(report, _nameless_words(diagnosis)))
 
 
-def _nameless_note(nameless: Nameless) -> tuple[str, ...]:
+def _nameless_note(diagnosis: Diagnosis) -> tuple[str, ...]:
+    nameless, words = diagnosis.nameless, _nameless_words(diagnosis)
     if not nameless.share:
         return ()
     return (
         f"Something that no mechanism of the library names explains {wording.percent(nameless.share)} of what differed "
-        f"and changes the force by {wording.force(nameless.rms_mn)} rms.",
+        f"and changes the force by {wording.force(nameless.rms_mn)} rms{words and ': '}{words}.",
     )
+
+
+def _nameless_words(diagnosis: Diagnosis) -> str:
+    """Return the words for a law that was found and has no name in the library, if there is one."""
+    mechanisms = (law.mechanism for law in diagnosis.improved.fit.shared.laws)
+    return next((m.words for m in mechanisms if m.name not in library()), "")
 
 
 def kept_findings(diagnosis: Diagnosis) -> tuple[Finding, ...]:

@@ -168,9 +168,12 @@ def bias_words(report: Report, least: float = 0.01) -> str:
     return listed([text for _, text in moved[:3]])
 
 
-def summary(report: Report) -> str:
-    """Return one to three sentences: what differs, what was left out, how sure, what it did, what next."""
-    said = [_headline(report)]
+def summary(report: Report, nameless: str = "") -> str:
+    """Return one to three sentences: what differs, what was left out, how sure, what it did, what next.
+
+    ``nameless`` are the words for what explains it and has no name in the library, where there are any.
+    """
+    said = [_headline(report, nameless)]
     if report.verdict != "no_mismatch" and report.mechanisms:
         bias = bias_words(report)
         if bias:
@@ -210,7 +213,7 @@ def _what_it_separates(experiment: NextExperiment) -> str:
     return listed(ways)
 
 
-def _headline(report: Report) -> str:
+def _headline(report: Report, nameless: str) -> str:
     heldout = report.heldout
     if report.verdict == "no_mismatch":
         return (
@@ -220,7 +223,8 @@ def _headline(report: Report) -> str:
     if report.verdict == "unknown":
         if not report.mechanisms:
             where = f" {place(report.mismatch[0])}" if report.mismatch else ""
-            return f"Simulation and recordings differ{where}, and no mechanism of the library explains it."
+            words = f": {nameless}" if nameless else ""
+            return f"Simulation and recordings differ{where}, and no mechanism of the library explains it{words}."
         names = listed([f"{spoken(m.name)}{_size(m.parameters)}" for m in report.mechanisms])
         where = f" {place(report.mismatch[0])}" if report.mismatch else ""
         share = f" and {'explains' if len(report.mechanisms) == 1 else 'explain'} {percent(report.explained_share)}"

@@ -627,7 +627,6 @@ def _take_as_found(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(search, "one_for_two", lambda named, start: named)
     monkeypatch.setattr(search, "told_apart", lambda account, rivals: account)
     monkeypatch.setattr(search, "in_smooth_noise", lambda account: account)
-    monkeypatch.setattr(search, "one_shows_alone", lambda *_: True)
 
 
 def test_a_step_that_ends_worse_than_it_began_is_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -646,18 +645,6 @@ def test_a_step_that_ends_worse_than_it_began_is_not_taken(monkeypatch: pytest.M
     assert named.account is slip
     assert [r.name for r in named.rivals["slip"]] == ["slip"]
     assert not steps
-
-
-@pytest.mark.parametrize("alone", [True, False], ids=["one shows alone", "they only cancel"])
-def test_effects_that_only_cancel_are_not_taken(alone: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A dashpot and a lag that smooth what a position has and a force has not."""
-    of = {(): 0.0, ("slip",): 900.0, ("slip", "force_lag"): 4000.0}
-    slip, both = (cast(Account, _Evidence(names, of)) for names in list(of)[1:])
-    steps = [[Rival("slip", 900.0, 1.0, slip)], [Rival("force_lag", 3100.0, 1.0, both)], []]
-    monkeypatch.setattr(search, "weighed", lambda *_: steps.pop(0))
-    _take_as_found(monkeypatch)
-    monkeypatch.setattr(search, "one_shows_alone", lambda account, _: alone or account is slip)
-    assert search.search(NOTHING).account is (both if alone else slip)
 
 
 @pytest.mark.parametrize(

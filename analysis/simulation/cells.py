@@ -13,7 +13,7 @@ from scipy.ndimage import maximum_filter1d
 from analysis.recordings.trial import PHASE_NAMES
 from analysis.simulation.converter import Levels
 from analysis.simulation.response import Steps
-from analysis.simulation.samples import NEIGHBOURS, winsorised
+from analysis.simulation.samples import NEIGHBOURS, kept_by_mean, winsorised
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -228,8 +228,7 @@ class CellTrial:
         terms = []
         for k in np.unique(octave[touching]):
             lasts_s = 0.5 * 2.0**k / self.sample_rate_hz
-            u = np.maximum(self.widths_s / lasts_s, 1e-3)
-            in_cells = np.sqrt(2.0 * (u + np.expm1(-u))) / u
+            in_cells = np.sqrt(kept_by_mean(self.widths_s / lasts_s))
             terms.append((stiffness * error_mm * in_cells * (touching & (octave == k)), float(lasts_s)))
         return tuple(terms)
 

@@ -15,6 +15,18 @@ NEIGHBOURS = 9
 FAR = 8.0
 """Robust deviations from which a sample is further off than noise, but for the rarest of a heavy tail."""
 
+SHORT = 1e-3
+"""Of a process' time: a mean over no more than this is a sample, to a line."""
+
+
+def kept_by_mean(times: FloatArray) -> FloatArray:
+    """Return what share of an Ornstein-Uhlenbeck process' variance a mean over so many of its times u has.
+
+    It is 2 (u - 1 + e^-u) / u^2.
+    """
+    u = np.maximum(times, SHORT)
+    return np.where(times > SHORT, 2.0 * (u + np.expm1(-u)) / u**2, 1.0 - times / 3.0)
+
 
 @dataclass(frozen=True)
 class Scatter:

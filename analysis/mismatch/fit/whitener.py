@@ -14,10 +14,11 @@ from analysis.mismatch.fit.noise import NoiseModel
 from analysis.mismatch.model.rhythm import Rhythm
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.response import Steps
+from analysis.simulation.samples import kept_by_mean
 
 FloatArray = NDArray[np.float64]
 
-SMALL, LONG = 1e-3, 60.0
+LONG = 60.0
 SHOWS = 0.1
 """Share of a cell's white noise from which that of the position counts beside it."""
 MANY = 12
@@ -140,15 +141,13 @@ class Whitener:
             self._factor = None
             self.log_determinant = -2.0 * float(np.log(self._scale).sum())
             return
-        # the mean of a cell of width w, u = w/tau: its variance is 2 v (u - 1 + e^-u) / u^2, and two cells' covariance
-        # that between their centres times sinh(u/2) / (u/2) of each
+        # of cells of width w, u = w/tau, the means' covariance is that between their centres times sinh(u/2) / (u/2) of
+        # each
         variance, tau_s = np.array(exponentials).reshape(-1, 2).T
         # cells come in few lengths, and so do the times between them
         widths_s, of_cell = trial.fitted_widths_s
         u = widths_s[:, None] / tau_s
-        exact = 2 * variance * (u + np.expm1(-u)) / np.maximum(u, SMALL) ** 2
-        of_parts = np.where(u > SMALL, exact, variance * (1.0 - u / 3.0))
-        diagonal = white + of_parts.sum(axis=1)[of_cell]
+        diagonal = white + (kept_by_mean(u) @ variance)[of_cell]
         # cells much longer than a part's time don't know of each other
         blur = np.where(u < LONG, np.sinh(0.5 * np.minimum(u, LONG)) / (0.5 * u), 0.0)[of_cell]
         U, V = variance * blur, blur

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis.simulation.samples import FAR, NEIGHBOURS, winsorised
+from analysis.simulation.samples import FAR, NEIGHBOURS, kept_by_mean, winsorised
 
 N = 400
 WHITE_MN = 0.2
@@ -46,3 +46,13 @@ def test_a_step_and_a_slope_stay_as_they_are(seed: int, height_mn: float, rise: 
     at = np.arange(N) - N // 2
     force_mn = noise_mn + height_mn * np.clip(at / rise, 0.0, 1.0) + slope_mn * at
     np.testing.assert_allclose(winsorised(force_mn, np.full(N, True)), force_mn, atol=1e-9)
+
+
+def test_a_mean_keeps_less_of_what_forgets_itself_within_it() -> None:
+    """As the double integral of exp(-|t - t'|) over what is averaged, and all of it over nothing."""
+    times = np.array([0.0, 1e-4, 0.1, 1.0, 30.0])
+    t = (np.arange(1000) + 0.5) / 1000
+    apart = np.abs(t[:, None] - t)
+    expected = [np.exp(-u * apart).mean() for u in times]
+    np.testing.assert_allclose(kept_by_mean(times), expected, rtol=1e-3)
+    assert np.all(np.diff(kept_by_mean(np.geomspace(1e-5, 1e3, 200))) < 0.0)

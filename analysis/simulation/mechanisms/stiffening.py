@@ -23,7 +23,7 @@ class Stiffening(Mechanism):
     stage = "contact"
     parameters = (
         Parameter("coefficient_per_mm", "1/mm", 0.0, 1.0e4),
-        Parameter("exponent", "1", 1.0, 16.0),
+        Parameter("exponent", "1", 1.0, 64.0),
         Parameter("growth", "1", -0.5, 3.0, inner=True),
     )
     amplitude = "coefficient_per_mm"

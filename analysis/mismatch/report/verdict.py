@@ -75,11 +75,11 @@ def make_report(diagnosis: Diagnosis, *, baseline: str, seed: int, tolerance_mn:
         setting=diagnosis.intake.setting,
         imports=diagnosis.intake.imports,
     )
-    return replace(report, summary=wording.summary(report, _nameless_words(diagnosis)))
+    return replace(report, summary=wording.summary(report, nameless_words(diagnosis)))
 
 
 def _nameless_note(diagnosis: Diagnosis) -> tuple[str, ...]:
-    nameless, words = diagnosis.nameless, _nameless_words(diagnosis)
+    nameless, words = diagnosis.nameless, nameless_words(diagnosis)
     if not nameless.share:
         return ()
     return (
@@ -88,7 +88,7 @@ def _nameless_note(diagnosis: Diagnosis) -> tuple[str, ...]:
     )
 
 
-def _nameless_words(diagnosis: Diagnosis) -> str:
+def nameless_words(diagnosis: Diagnosis) -> str:
     """Return the words for a law that was found and has no name in the library, if there is one."""
     mechanisms = (law.mechanism for law in diagnosis.improved.fit.shared.laws)
     return next((m.words for m in mechanisms if m.name not in library()), "")

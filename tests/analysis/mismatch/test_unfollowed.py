@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import json
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from analysis.mismatch.diagnosis import diagnose
+from analysis.mismatch.diagnose import diagnose_paths
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.fit.study_fit import StudyFit
@@ -16,8 +18,7 @@ from analysis.mismatch.levels import ENOUGH_SHARED
 from analysis.mismatch.model.dictionary import templates
 from analysis.mismatch.model.effects import simulate
 from analysis.mismatch.model.unfollowed import UNFOLLOWED
-from analysis.mismatch.report.verdict import make_report
-from analysis.mismatch.study.intake import Intake, take_in_memory
+from analysis.mismatch.study.intake import take_in_memory
 from analysis.recordings.trial import Trial
 from analysis.simulation.mechanism import library
 from sim_hardware.concealment.offline import study_plans
@@ -32,18 +33,18 @@ def _rippled(trial: Trial, phase: float) -> Trial:
 
 
 @pytest.fixture(scope="module")
-def recorded(record: Callable[..., list[Trial]]) -> Intake:
+def recorded(record: Callable[..., list[Trial]]) -> list[Trial]:
     """A study whose position was misread, in each trial from elsewhere on."""
     plans = study_plans(depths_mm=(0.3, 0.7), repeats=3, hold_s=2.0, dwell_s=0.4)
     phases = np.random.default_rng(51).uniform(0.0, 2 * np.pi, len(plans))
     trials = record(97, "", plans)
-    return take_in_memory([_rippled(t, float(p)) for t, p in zip(trials, phases, strict=True)])
+    return [_rippled(t, float(p)) for t, p in zip(trials, phases, strict=True)]
 
 
 @pytest.fixture(scope="module")
-def misread(recorded: Intake) -> StudyFit:
+def misread(recorded: list[Trial]) -> StudyFit:
     """Its baseline."""
-    return fit_baseline(recorded.trials)
+    return fit_baseline(take_in_memory(recorded).trials)
 
 
 def _with_unfollowed(fit: StudyFit) -> Account:
@@ -59,11 +60,14 @@ def test_what_was_misread_the_force_does_not_follow(misread: StudyFit) -> None:
     assert found.fit.shared.laws[0].values["share"] == pytest.approx(1.0, abs=0.15)
 
 
-def test_a_position_that_errs_is_told_in_words_and_no_law_takes_its_place(recorded: Intake) -> None:
+def test_a_position_that_errs_is_told_in_words_and_no_law_takes_its_place(
+    recorded: list[Trial], as_files: Callable[[Path, Sequence[Trial]], Path], tmp_path: Path
+) -> None:
     """A dashpot and a lag smooth what the position has and the force has not; they were named in its place."""
-    report = make_report(diagnose(recorded), baseline="ramp", seed=0, tolerance_mn=0.3)
-    assert (report.verdict, report.mechanisms) == ("unknown", ())
-    assert f"no mechanism of the library explains it: {UNFOLLOWED.words}." in report.summary
+    page = diagnose_paths([as_files(tmp_path / "trials", recorded)], out=tmp_path / "out")
+    report = json.loads((page.parent / "report.json").read_text(encoding="utf-8"))
+    assert (report["verdict"], report["mechanisms"]) == ("unknown", [])
+    assert f"no mechanism of the library explains it: {UNFOLLOWED.words}." in report["summary"]
 
 
 def test_what_the_arm_did_the_force_follows(misread: StudyFit) -> None:

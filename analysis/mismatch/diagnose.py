@@ -100,12 +100,11 @@ def _write(folder: Path, diagnosis: Diagnosis, *, baseline: str, seed: int, tole
     from analysis.mismatch.report.page import write_page
     from analysis.mismatch.report.setting import in_words_of_its_bench
     from analysis.mismatch.report.twin import write_twin
-    from analysis.mismatch.report.verdict import make_report, nameless_words
-    from analysis.mismatch.report.wording import summary
+    from analysis.mismatch.report.verdict import make_report, with_summary
 
     report = make_report(diagnosis, baseline=baseline, seed=seed, tolerance_mn=tolerance_mn)
     report = replace(report, next_experiment=propose(diagnosis, folder / "next.toml"))
-    report = in_words_of_its_bench(replace(report, summary=summary(report, nameless_words(diagnosis))))
+    report = in_words_of_its_bench(with_summary(report, diagnosis))
     write_twin(folder / "twin.toml", diagnosis, report)
     figures = draw_figures(folder, diagnosis, report)
     write_page(folder / "report.html", report, figures)

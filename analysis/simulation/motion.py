@@ -209,11 +209,14 @@ def estimate_motion(trial: Trial, servo: FoundServo = NOMINAL_SERVO) -> Motion:
         base, v, a = np.zeros_like(recorded), np.zeros_like(recorded), np.zeros_like(recorded)
     # what a servo's answer leaves of a recording has none of its converter's levels any more
     noise_mm, near = position_noise(recorded), _near(kinks, len(recorded), rate)
+    beside_servo = np.zeros_like(recorded)
     if trial.command_mm is None:
         smooth, rest_v, rest_a, error = _without_command(recorded, noise_mm, near, rate)
     elif _servo_explains(recorded, noise_mm, base):
-        noise_mm = max(noise_mm, averaged_noise(recorded - base, max(1, round(SLOW_SMOOTHING_S * rate))))
-        smooth, rest_v, rest_a, error = _beside_servo(recorded - base, noise_mm, near, rate)
+        rest = recorded - base
+        noise_mm = max(noise_mm, averaged_noise(rest, max(1, round(SLOW_SMOOTHING_S * rate))))
+        smooth, rest_v, rest_a, error = _beside_servo(rest, noise_mm, near, rate)
+        beside_servo = _shown(smooth, error, noise_mm)
     else:
         # a drive that is no such servo: its answer would add accelerations that never were
         base, v, a = (np.zeros_like(recorded) for _ in range(3))
@@ -239,7 +242,7 @@ def estimate_motion(trial: Trial, servo: FoundServo = NOMINAL_SERVO) -> Motion:
         kinks=kinks,
         position_error_mm=error,
         noise_mm=noise_mm,
-        beside_servo_mm=_shown(smooth, error, noise_mm) if base.any() else np.zeros_like(recorded),
+        beside_servo_mm=beside_servo,
     )
 
 

@@ -75,11 +75,16 @@ def make_report(diagnosis: Diagnosis, *, baseline: str, seed: int, tolerance_mn:
         setting=diagnosis.intake.setting,
         imports=diagnosis.intake.imports,
     )
-    return replace(report, summary=wording.summary(report, nameless_words(diagnosis)))
+    return with_summary(report, diagnosis)
+
+
+def with_summary(report: Report, diagnosis: Diagnosis) -> Report:
+    """Return the report with its summary written anew from what it holds by now."""
+    return replace(report, summary=wording.summary(report, _nameless_words(diagnosis)))
 
 
 def _nameless_note(diagnosis: Diagnosis) -> tuple[str, ...]:
-    nameless, words = diagnosis.nameless, nameless_words(diagnosis)
+    nameless, words = diagnosis.nameless, _nameless_words(diagnosis)
     if not nameless.share:
         return ()
     return (
@@ -88,7 +93,7 @@ def _nameless_note(diagnosis: Diagnosis) -> tuple[str, ...]:
     )
 
 
-def nameless_words(diagnosis: Diagnosis) -> str:
+def _nameless_words(diagnosis: Diagnosis) -> str:
     """Return the words for a law that was found and has no name in the library, if there is one."""
     mechanisms = (law.mechanism for law in diagnosis.improved.fit.shared.laws)
     return next((m.words for m in mechanisms if m.name not in library()), "")
@@ -143,11 +148,10 @@ def _tolerance(diagnosis: Diagnosis, tolerance_mn: float) -> tuple[float, tuple[
     if tolerance_mn < TOLERANCE_BELOW * largest:
         return tolerance_mn, ()
     small = TOLERANCE_SHARE * largest
-    words = (
+    return small, (
         f"The tolerance of {tolerance_mn:g} mN is no less than a tenth of the largest force "
-        f"({wording.force(largest)}): a hundredth of that force is tolerated instead."
+        f"({wording.force(largest)}): a hundredth of that force is tolerated instead.",
     )
-    return small, (words,)
 
 
 def _remainder(diagnosis: Diagnosis) -> Remainder | None:

@@ -168,7 +168,7 @@ def bias_words(report: Report, least: float = 0.01) -> str:
     return listed([text for _, text in moved[:3]])
 
 
-def summary(report: Report, nameless: str = "") -> str:
+def summary(report: Report, nameless: str) -> str:
     """Return one to three sentences: what differs, what was left out, how sure, what it did, what next.
 
     ``nameless`` are the words for what explains it and has no name in the library, where there are any.

@@ -146,7 +146,7 @@ def test_a_converter_s_steps_are_no_motion() -> None:
 @pytest.mark.parametrize("shared", [0.0, 0.5, 0.8])
 def test_noise_that_neighbours_share_averages_out_less(shared: float) -> None:
     """White noise through one pole: a mean over many samples is as noisy as of white noise 1 / (1 - pole) times as
-    large, which a sample does not show. Told to a tenth beside a ramp that begins and ends; seed fixed."""
+    large, which a sample does not show. Beside a ramp that begins and ends it is told to a seventh; seed fixed."""
     white = np.random.default_rng(52).standard_normal(40_000)
     noise = lfilter([1.0], [1.0, -shared], white)
     ramp = np.clip(np.arange(40_000.0) - 15_000.0, 0.0, 1_000.0)

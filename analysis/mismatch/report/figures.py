@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from analysis.figures import BLUE, COLOURS, VERMILLION, YELLOW, save_figures
 from analysis.mismatch.diagnosis import Diagnosis
 from analysis.mismatch.fit.study_fit import StudyFit
+from analysis.mismatch.report.amounts import scaled
 from analysis.mismatch.report.contents import Report, Window
-from analysis.mismatch.report.wording import scaled
 from analysis.recordings.trial import PHASE_NAMES
 from analysis.simulation.cells import CellTrial
 

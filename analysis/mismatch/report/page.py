@@ -11,7 +11,7 @@ from typing import Any
 
 from analysis.mismatch.levels import FEWEST_HELD_OUT
 from analysis.mismatch.model.words import listed, spoken
-from analysis.mismatch.report import wording
+from analysis.mismatch.report import amounts
 from analysis.mismatch.report.contents import Report, Window
 from analysis.mismatch.report.setting import fitting
 from analysis.mismatch.report.wording import constants_told
@@ -61,18 +61,18 @@ def write_page(path: Path, report: Report, figures: Mapping[str, Path]) -> None:
                 "stage": m.stage,
                 "explanation": m.explanation,
                 "parameters": [
-                    {"label": wording.symbol(name), "value": wording.with_error(q)}
+                    {"label": amounts.symbol(name), "value": amounts.with_error(q)}
                     for name, q in m.parameters.items()
                 ],
                 "alternatives": listed(
                     [
-                        f"{spoken(a)} ({wording.percent(m.alternative_probabilities[a])})"
+                        f"{spoken(a)} ({amounts.percent(m.alternative_probabilities[a])})"
                         for a in m.alternatives
                     ],
                     "or",
                 ),
-                "p": wording.chance(m.p_value),
-                "probability": wording.percent(m.probability),
+                "p": amounts.chance(m.p_value),
+                "probability": amounts.percent(m.probability),
             }
             for m in report.mechanisms
         ],
@@ -86,17 +86,17 @@ def write_page(path: Path, report: Report, figures: Mapping[str, Path]) -> None:
             for n in report.not_identifiable
         ],
         sure=_sure_rows(report),
-        explained=wording.percent(report.explained_share),
-        tolerance=wording.force(report.tolerance_mn),
-        left_over=wording.force(report.remainder.rms_mn) if report.remainder else "",
-        left_of_peak=wording.percent(report.remainder.rms_mn / report.peak_force_mn)
+        explained=amounts.percent(report.explained_share),
+        tolerance=amounts.force(report.tolerance_mn),
+        left_over=amounts.force(report.remainder.rms_mn) if report.remainder else "",
+        left_of_peak=amounts.percent(report.remainder.rms_mn / report.peak_force_mn)
         if report.remainder
         else "",
-        share_left=wording.percent(report.remainder.share) if report.remainder else "",
+        share_left=amounts.percent(report.remainder.share) if report.remainder else "",
         of_peak=_of_peak(report),
         floor_source=_floor_source(report),
         say=lambda text: fitting(text, report.setting),
-        chance=wording.chance(report.heldout.p_value) if report.n_trials >= FEWEST_HELD_OUT else "",
+        chance=amounts.chance(report.heldout.p_value) if report.n_trials >= FEWEST_HELD_OUT else "",
         separations=_separations(report),
         date=datetime.now().astimezone().strftime("%Y-%m-%d"),
         version=version("indenter"),
@@ -112,9 +112,9 @@ def windows_of(windows: Sequence[Window], *, after_naming: bool) -> list[Window]
 def _of_peak(report: Report) -> str:
     """Say what the errors are of the peak force."""
     h = report.heldout
-    shares = [wording.percent(rms / report.peak_force_mn) for rms in (h.baseline_rms_mn, h.improved_rms_mn)]
-    floor = wording.percent(h.noise_floor_mn / report.peak_force_mn)
-    peak = wording.force(report.peak_force_mn, 3)
+    shares = [amounts.percent(rms / report.peak_force_mn) for rms in (h.baseline_rms_mn, h.improved_rms_mn)]
+    floor = amounts.percent(h.noise_floor_mn / report.peak_force_mn)
+    peak = amounts.force(report.peak_force_mn, 3)
     return f"Of the largest force ({peak}) that is {shares[0]} before, {shares[1]} after, and {floor} noise."
 
 
@@ -138,14 +138,14 @@ def _window_cells(window: Window) -> dict[str, Any]:
         if position
         else _force(window.mean_told_mn, signed=True),
         "rms": _force(window.rms_mn),
-        "share": wording.percent(window.share_of_mismatch),
+        "share": amounts.percent(window.share_of_mismatch),
         "conditions": window.conditions,
-        "p": wording.chance(window.p_value),
+        "p": amounts.chance(window.p_value),
     }
 
 
 def _force(value_mn: float | None, *, signed: bool = False) -> str:
-    return "" if value_mn is None else wording.force(value_mn, 3, signed=signed).replace(" ", "\u00a0")
+    return "" if value_mn is None else amounts.force(value_mn, 3, signed=signed).replace(" ", "\u00a0")
 
 
 def _signed(value: float | None, unit: str) -> str:
@@ -162,12 +162,12 @@ def _tissue_rows(report: Report) -> list[dict[str, str]]:
         change = 100 * (before.value / after.value - 1.0) if after.value else 0.0
         rows.append(
             {
-                "label": wording.symbol(name),
-                "before": wording.with_error(before) if name in told[0] else _UNTOLD,
-                "after": wording.with_error(after) if name in told[1] else _UNTOLD,
+                "label": amounts.symbol(name),
+                "before": amounts.with_error(before) if name in told[0] else _UNTOLD,
+                "after": amounts.with_error(after) if name in told[1] else _UNTOLD,
                 "bias": ""
                 if name not in told[0] & told[1]
-                else wording.change_in_percent(change / 100)
+                else amounts.change_in_percent(change / 100)
                 if abs(change) >= 0.01
                 else "none",
             }
@@ -176,19 +176,19 @@ def _tissue_rows(report: Report) -> list[dict[str, str]]:
 
 
 def _sure_rows(report: Report) -> list[dict[str, str]]:
-    what = "trials not fitted" if report.n_trials >= FEWEST_HELD_OUT else "the fitted trials themselves"
-    compared = [(what, report.heldout)]
+    before, after, noise = amounts.errors(report.heldout)
     return [
         {
-            "what": what,
-            "scheme": c.scheme,
-            "n": str(c.n_trials),
-            "before": wording.force(c.baseline_rms_mn, 4),
-            "after": wording.force(c.improved_rms_mn, 4),
-            "floor": wording.force(c.noise_floor_mn, 4),
-            "chi2": f"{c.baseline_chi2:.4g} → {c.improved_chi2:.4g}",
+            "what": "trials not fitted"
+            if report.n_trials >= FEWEST_HELD_OUT
+            else "the fitted trials themselves",
+            "scheme": report.heldout.scheme,
+            "n": str(report.heldout.n_trials),
+            "before": before,
+            "after": after,
+            "floor": noise,
+            "chi2": f"{report.heldout.baseline_chi2:.4g} → {report.heldout.improved_chi2:.4g}",
         }
-        for what, c in compared
     ]
 
 

@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from analysis.mismatch.model.words import spoken
-from analysis.mismatch.report import wording
+from analysis.mismatch.report import amounts
 from analysis.mismatch.report.contents import Report, Window
 from analysis.mismatch.report.page import VERDICTS, windows_of
 
@@ -38,22 +38,21 @@ def show_report(report: Report) -> None:
 
 
 def _effects(report: Report) -> Table:
+    before, after, noise = amounts.errors(report.heldout)
     title = (
-        f"{report.n_trials} trial{'s' if report.n_trials > 1 else ''}, error "
-        f"{wording.force(report.heldout.baseline_rms_mn, 3)} before, "
-        f"{wording.force(report.heldout.improved_rms_mn, 3)} after, "
-        f"{wording.force(report.heldout.noise_floor_mn, 3)} noise (rms)"
+        f"{report.n_trials} trial{'s' if report.n_trials > 1 else ''}, error {before} before, {after} after, "
+        f"{noise} noise (rms)"
     )
     table = _table(title, "left out", "size", "share of it", "p", "probability", "or")
     for m in report.mechanisms:
-        sizes = [f"{wording.symbol(name)} {wording.with_error(q)}" for name, q in m.parameters.items()]
-        rivals = [f"{spoken(a)} ({wording.percent(m.alternative_probabilities[a])})" for a in m.alternatives]
+        sizes = [f"{amounts.symbol(name)} {amounts.with_error(q)}" for name, q in m.parameters.items()]
+        rivals = [f"{spoken(a)} ({amounts.percent(m.alternative_probabilities[a])})" for a in m.alternatives]
         cells = (
             spoken(m.name),
             "\n".join(sizes),
-            wording.percent(m.share_of_mismatch),
-            wording.chance(m.p_value),
-            wording.percent(m.probability),
+            amounts.percent(m.share_of_mismatch),
+            amounts.chance(m.p_value),
+            amounts.percent(m.probability),
             "\n".join(rivals),
         )
         table.add_row(*map(Text, cells))
@@ -70,15 +69,15 @@ def _windows(title: str, windows: Sequence[Window]) -> Table:
 
 def _window_cells(window: Window) -> tuple[str, ...]:
     in_um = window.mean_residual_um
-    mean = f"{in_um:+.3g} um" if in_um is not None else wording.force(window.mean_told_mn or 0.0, signed=True)
+    mean = f"{in_um:+.3g} um" if in_um is not None else amounts.force(window.mean_told_mn or 0.0, signed=True)
     return (
         window.signal,
         window.phase,
         f"{window.start_s:.3f} to {window.stop_s:.3f}",
         mean,
-        "" if window.rms_mn is None else wording.force(window.rms_mn),
-        wording.percent(window.share_of_mismatch),
-        wording.chance(window.p_value),
+        "" if window.rms_mn is None else amounts.force(window.rms_mn),
+        amounts.percent(window.share_of_mismatch),
+        amounts.chance(window.p_value),
     )
 
 

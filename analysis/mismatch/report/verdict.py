@@ -15,7 +15,7 @@ from analysis.mismatch.locate.remainder import is_small
 from analysis.mismatch.model.effects import TISSUE_NAMES, TISSUE_SIZE
 from analysis.mismatch.name.finding import Finding
 from analysis.mismatch.name.own_sizes import SIZE_INEXACT, Quantity
-from analysis.mismatch.report import wording
+from analysis.mismatch.report import amounts, wording
 from analysis.mismatch.report.contents import (
     Comparison,
     FoundMechanism,
@@ -88,8 +88,8 @@ def _nameless_note(diagnosis: Diagnosis) -> tuple[str, ...]:
     if not nameless.share:
         return ()
     return (
-        f"Something that no mechanism of the library names explains {wording.percent(nameless.share)} of what differed "
-        f"and changes the force by {wording.force(nameless.rms_mn)} rms{words and ': '}{words}.",
+        f"Something that no mechanism of the library names explains {amounts.percent(nameless.share)} of what differed "
+        f"and changes the force by {amounts.force(nameless.rms_mn)} rms{words and ': '}{words}.",
     )
 
 
@@ -150,7 +150,7 @@ def _tolerance(diagnosis: Diagnosis, tolerance_mn: float) -> tuple[float, tuple[
     small = TOLERANCE_SHARE * largest
     return small, (
         f"The tolerance of {tolerance_mn:g} mN is no less than a tenth of the largest force "
-        f"({wording.force(largest)}): a hundredth of that force is tolerated instead.",
+        f"({amounts.force(largest)}): a hundredth of that force is tolerated instead.",
     )
 
 
@@ -271,7 +271,7 @@ def _notes(diagnosis: Diagnosis, mechanisms: Sequence[FoundMechanism]) -> tuple[
         notes.append(
             "Every trial has a tissue of its own; they scatter by "
             + ", ".join(
-                f"{s:.2g} % ({wording.symbol(n)})" for n, s in zip(TISSUE_NAMES, scatter, strict=True)
+                f"{s:.2g} % ({amounts.symbol(n)})" for n, s in zip(TISSUE_NAMES, scatter, strict=True)
             )
             + ". The constants given are their means."
         )
@@ -281,19 +281,19 @@ def _notes(diagnosis: Diagnosis, mechanisms: Sequence[FoundMechanism]) -> tuple[
             "to about a tenth."
         )
     if diagnosis.findings and _left(diagnosis) > SMALL_SHARE:
-        nearest = " and ".join(wording.symbol(f.name) for f in diagnosis.findings)
+        nearest = " and ".join(amounts.symbol(f.name) for f in diagnosis.findings)
         notes.append(
             f"Nearest to what differed came {nearest}, which would explain "
-            f"{wording.percent(1.0 - _left(diagnosis))} of it: too little to be its name."
+            f"{amounts.percent(1.0 - _left(diagnosis))} of it: too little to be its name."
         )
     notes += [
-        f"{wording.symbol(f.name).capitalize()} ended at the limit of its range, or of what a law may be off by: one "
+        f"{amounts.symbol(f.name).capitalize()} ended at the limit of its range, or of what a law may be off by: one "
         "that has to go so far is not the right one."
         for f in diagnosis.findings
         if f.at_bound
     ]
     notes += [
-        f"A tone at {line.frequency_hz:.4g} Hz ({wording.force(line.amplitude_mn)}) is in every trial; it was taken "
+        f"A tone at {line.frequency_hz:.4g} Hz ({amounts.force(line.amplitude_mn)}) is in every trial; it was taken "
         "out before anything else was looked at."
         for line in diagnosis.lines
     ]

@@ -11,6 +11,7 @@ from analysis.mismatch.locate.absorbed import Absorbed
 from analysis.mismatch.model.words import listed, spoken
 from analysis.mismatch.name.own_sizes import Quantity
 from analysis.mismatch.propose.proposal import NextExperiment
+from analysis.mismatch.report import amounts
 from analysis.mismatch.report.contents import NotIdentifiable, Report, Window
 from analysis.simulation.mechanism import Mechanism, library
 
@@ -22,69 +23,17 @@ TISSUE_WORDS = {
     "tau2_s": "tau2",
 }
 WORTH_SAYING = 0.01
-MANYFOLD = 9.0
 SHOWS = 1e-6
 """Share of the stiffest constant below which one is only an optimum's way of saying nought."""
-
-
-def symbol(name: str) -> str:
-    """Return a parameter's name without its unit, as it is spoken."""
-    for ending in (
-        "_mn_per_mm", "_mn_s_per_mm", "_um_per_mn", "_mn_per_s", "_per_mm", "_to_k0", "_rad_s",
-        "_mn", "_um", "_mm", "_ms", "_hz", "_s", "_g",
-    ):  # fmt: skip
-        if name.endswith(ending):
-            return spoken(name.removesuffix(ending))
-    return spoken(name)
-
-
-def scaled(value: float, unit: str) -> tuple[float, str]:
-    """Return a factor and the unit in which a value (mN or g) is read best; other units stay as they are.
-
-    Forces of other instruments are newtons of a drive or nanonewtons on a cell.
-    """
-    size = abs(value)
-    if unit == "mN" and size >= 1e3:
-        return 1e-3, "N"
-    if unit == "mN" and 0 < size < 1e-3:
-        return 1e6, "nN"
-    if unit == "g" and size >= 1e4:
-        return 1e-3, "kg"
-    return 1.0, unit
-
-
-def force(value_mn: float, digits: int = 2, *, signed: bool = False) -> str:
-    """Return a force with the unit in which it is read best."""
-    factor, unit = scaled(value_mn, "mN")
-    rounded = float(f"{value_mn * factor:.{digits}g}")
-    return f"{rounded:+g} {unit}" if signed else f"{rounded:g} {unit}"
-
-
-def with_error(q: Quantity) -> str:
-    """Return value, error and unit, the value rounded to its error's second digit."""
-    factor, scaled_unit = scaled(q.value, q.unit)
-    q = Quantity(factor * q.value, factor * q.se, scaled_unit)
-    unit = "" if q.unit == "1" else f" {q.unit}"
-    if not np.isfinite(q.se) or q.se <= 0:
-        return f"{q.value:.4g}{unit}"
-    if q.se >= abs(q.value):
-        return f"not settled (error {float(f'{q.se:.2g}'):g}{unit})"
-    decimals = int(1 - np.floor(np.log10(q.se)))
-    if decimals > 5 or decimals < -3 or abs(q.value) >= 1e5:
-        return f"{q.value:.5g} ± {q.se:.2g}{unit}"
-    return f"{q.value:.{max(decimals, 0)}f} ± {q.se:.{max(decimals, 0)}f}{unit}"
-
-
-def chance(p_value: float) -> str:
-    """Return a p-value as it is read: no more digits than it deserves."""
-    return "< 0.0001" if p_value < 1e-4 else f"{p_value:.1g}"
 
 
 def explanation(mechanism: Mechanism, found: Mapping[str, Quantity], alternatives: Sequence[str]) -> str:
     """Say what a mechanism is and how large it was found."""
     text = mechanism.words[:1].upper() + mechanism.words[1:]
     if found:
-        text += ": " + listed([f"{symbol(name)} {with_error(q)}" for name, q in found.items()])
+        text += ": " + listed(
+            [f"{amounts.symbol(name)} {amounts.with_error(q)}" for name, q in found.items()]
+        )
     text += "."
     if alternatives:
         names = listed([spoken(n) for n in alternatives], "or")
@@ -110,7 +59,7 @@ def hidden(absorbed: Absorbed) -> str:
     size = f"{absorbed.values[m.amplitude]:g} {'' if p.unit == '1' else p.unit}".strip()
     shifts = sorted(absorbed.shift_percent.items(), key=lambda item: -abs(item[1]))
     told = [_shift(name, percent) for name, percent in shifts[:2] if abs(percent) > 100 * WORTH_SAYING]
-    what = f"{symbol(m.amplitude)} of {size}"
+    what = f"{amounts.symbol(m.amplitude)} of {size}"
     if not told:
         return f"{what} leaves no trace in these trials, and hardly touches the tissue's parameters"
     return f"the fitted tissue takes its place: {what} would hide here and make {listed(told)}"
@@ -125,7 +74,7 @@ def _shift(name: str, percent_linear: float) -> str:
         if change > 0
         else "shorter"
     )
-    return f"{TISSUE_WORDS.get(name, name)} look {change_in_percent(abs(change)).lstrip('+')} {word}"
+    return f"{TISSUE_WORDS.get(name, name)} look {amounts.change_in_percent(abs(change)).lstrip('+')} {word}"
 
 
 def place(window: Window) -> str:
@@ -137,8 +86,8 @@ def place(window: Window) -> str:
     if window.signal == "position":
         return f"{when}, the position is off by {window.mean_residual_um or 0.0:+.2g} um"
     if window.mean_residual_mn is not None and abs(window.mean_residual_mn) > 0.5 * (window.rms_mn or 0.0):
-        return f"{when}, by {force(window.mean_residual_mn, signed=True)} on average"
-    return f"{when}, by {force(window.rms_mn or 0.0)} rms"
+        return f"{when}, by {amounts.force(window.mean_residual_mn, signed=True)} on average"
+    return f"{when}, by {amounts.force(window.rms_mn or 0.0)} rms"
 
 
 def constants_told(constants: Mapping[str, Quantity]) -> set[str]:
@@ -163,7 +112,7 @@ def bias_words(report: Report, least: float = 0.01) -> str:
         before, after = report.baseline_parameters[name], report.improved_parameters[name]
         change = before.value / after.value - 1.0
         if abs(change) > least and abs(before.value - after.value) > 3.0 * max(after.se, 1e-12):
-            moved.append((abs(change), f"{spoken_name} by {change_in_percent(change)}"))
+            moved.append((abs(change), f"{spoken_name} by {amounts.change_in_percent(change)}"))
     moved.sort(reverse=True)
     return listed([text for _, text in moved[:3]])
 
@@ -217,7 +166,7 @@ def _headline(report: Report, nameless: str) -> str:
     heldout = report.heldout
     if report.verdict == "no_mismatch":
         return (
-            f"The simulation explains {_trials(report)} to the noise ({force(heldout.noise_floor_mn)} rms a "
+            f"The simulation explains {_trials(report)} to the noise ({amounts.force(heldout.noise_floor_mn)} rms a "
             "sample): nothing is missing that these recordings could show."
         )
     if report.verdict == "unknown":
@@ -227,14 +176,15 @@ def _headline(report: Report, nameless: str) -> str:
             return f"Simulation and recordings differ{where}, and no mechanism of the library explains it{words}."
         names = listed([f"{spoken(m.name)}{_size(m.parameters)}" for m in report.mechanisms])
         where = f" {place(report.mismatch[0])}" if report.mismatch else ""
-        share = f" and {'explains' if len(report.mechanisms) == 1 else 'explain'} {percent(report.explained_share)}"
+        explains = "explains" if len(report.mechanisms) == 1 else "explain"
+        share = f" and {explains} {amounts.percent(report.explained_share)}"
         found = f"{_capital(names)} {_was(report)} found{share} of what differed"
         return f"{found}. What is left no mechanism of the library explains: it is largest{where}."
     names = listed([f"{spoken(m.name)}{_size(m.parameters)}" for m in report.mechanisms])
+    before, after, noise = amounts.errors(heldout)
     sure = (
         f"the error{' on trials that were not fitted' if report.n_trials >= FEWEST_HELD_OUT else ''} falls from "
-        f"{force(heldout.baseline_rms_mn, 3)} to {force(heldout.improved_rms_mn, 3)} rms "
-        f"(noise {force(heldout.noise_floor_mn, 3)}; p {p_words(report)})"
+        f"{before} to {after} rms (noise {noise}; p {p_words(report)})"
     )
     if [m.stage for m in report.mechanisms] == ["lever"] and report.mechanisms[0].name == "servo_bandwidth":
         sure = (
@@ -250,25 +200,9 @@ def _headline(report: Report, nameless: str) -> str:
     )
 
 
-def change_in_percent(change: float) -> str:
-    """Return a relative change in per cent, two digits, as it is read; as a factor where per cent say nothing."""
-    if change > MANYFOLD:
-        return f"a factor of {float(f'{1.0 + change:.2g}'):g}"
-    return f"{float(f'{100 * change:.2g}'):+g} %"
-
-
-def percent(share: float) -> str:
-    """Return a share in per cent, with the digits that tell it from all and from nothing."""
-    if share >= 1.0 or share <= 0.0:
-        return f"{100 * share:.0f} %"
-    if share > 0.9995:
-        return "> 99.9 %"
-    return f"{100 * share:.1f} %" if share > 0.99 else f"{float(f'{100 * share:.2g}'):g} %"
-
-
 def p_words(report: Report) -> str:
     """Return the largest p-value of all that was named, with its sign."""
-    p = chance(max(m.p_value for m in report.mechanisms))
+    p = amounts.chance(max(m.p_value for m in report.mechanisms))
     return p if p.startswith("<") else f"= {p}"
 
 
@@ -286,7 +220,7 @@ def _capital(text: str) -> str:
 
 def _size(parameters: Mapping[str, Quantity]) -> str:
     for name, q in parameters.items():
-        return f" ({symbol(name)} {with_error(q)})"
+        return f" ({amounts.symbol(name)} {amounts.with_error(q)})"
     return ""
 
 

@@ -36,6 +36,18 @@ class CellMotion:
     widths_s: FloatArray
 
 
+@dataclass(frozen=True, eq=False)
+class CellPath:
+    """Where a tip was in every cell (n,), as in a trial, by what of the recorded position is taken for noise."""
+
+    position_mm: FloatArray
+    velocity_mm_s: FloatArray
+    acceleration_mm_s2: FloatArray
+    position_error_mm: FloatArray
+    position_noise_mm: float
+    beside_servo_mm: FloatArray
+
+
 @dataclass(frozen=True)
 class CellTrial:
     """One trial in n cells; every other array is (n,).
@@ -54,6 +66,8 @@ class CellTrial:
     stated. ``punch_ratio`` is the diameter of its flat punch over that of the study's.
     ``levels`` are those to which a coarse converter rounded the force. ``position_error_mm`` is what smoothing left of
     the position's noise ``position_noise_mm``, ``beside_servo_mm`` what of the position no servo explains.
+    ``if_noise_lasts`` is where the tip was if what wanders beside a servo's answer is the sensor's; None if that is
+    nothing else.
     """
 
     label: str
@@ -89,6 +103,7 @@ class CellTrial:
     position_error_mm: FloatArray | None = None
     position_noise_mm: float = 0.0
     beside_servo_mm: FloatArray | None = None
+    if_noise_lasts: CellPath | None = None
     fitted: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
     uneven_s: FloatArray | None = None
 

@@ -34,6 +34,8 @@ IntArray = NDArray[np.int64]
 NEAR_KINK_S = 0.025
 FAST_SMOOTHING_S = 0.0008
 SLOW_SMOOTHING_S = 0.005
+LASTING_S = (0.005, 0.01, 0.02, 0.04, 0.08)
+"""Times over which noise is averaged, where that of a position may last: a filter's, or a supply's."""
 RATE_SMOOTHING_S = 0.04
 VELOCITY_WINDOW_S = 0.002
 KINK_MM_S = 0.3
@@ -182,7 +184,7 @@ def _servo_explains(recorded_mm: FloatArray, noise_mm: float, servo_mm: FloatArr
     return bool(float(np.std(left)) <= UNKNOWN_DRIVE * max(noise_mm, SMALLEST_NOISE_MM))
 
 
-def estimate_motion(trial: Trial, servo: FoundServo = NOMINAL_SERVO) -> Motion:
+def estimate_motion(trial: Trial, servo: FoundServo = NOMINAL_SERVO, *, noise_lasts: bool = False) -> Motion:
     """Return the motion behind a recording: the servo's answer plus the smoothed rest.
 
     The rest is smoothed over 0.8 ms near kinks, where it may be fast, and over 5 ms elsewhere, or in both as much more
@@ -214,7 +216,8 @@ def estimate_motion(trial: Trial, servo: FoundServo = NOMINAL_SERVO) -> Motion:
         smooth, rest_v, rest_a, error = _without_command(recorded, noise_mm, near, rate)
     elif _servo_explains(recorded, noise_mm, base):
         rest = recorded - base
-        noise_mm = max(noise_mm, averaged_noise(rest, max(1, round(SLOW_SMOOTHING_S * rate))))
+        over_s = LASTING_S if noise_lasts else (SLOW_SMOOTHING_S,)
+        noise_mm = max(noise_mm, *(averaged_noise(rest, max(1, round(s * rate))) for s in over_s))
         smooth, rest_v, rest_a, error = _beside_servo(rest, noise_mm, near, rate)
         beside_servo = _shown(smooth, error, noise_mm)
     else:

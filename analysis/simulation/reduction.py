@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.recordings.trial import PHASE_NAMES, Trial
-from analysis.simulation.cells import CellTrial, moves
+from analysis.simulation.cells import CellPath, CellTrial, moves
 from analysis.simulation.converter import levels_of
 from analysis.simulation.motion import Motion
 
@@ -129,11 +129,15 @@ def reduce_trial(
     trial: Trial,
     motion: Motion,
     *,
+    calmer: Motion | None = None,
     order: int = 0,
     pressed_before: tuple[float, float] | None = None,
     hold_only: bool = False,
 ) -> CellTrial:
-    """Reduce a trial to cells; ``hold_only`` marks nothing but the hold as to be fitted (step baseline)."""
+    """Reduce a trial to cells; ``hold_only`` marks nothing but the hold as to be fitted (step baseline).
+
+    ``calmer`` is the motion if the position's noise lasts.
+    """
     z0_mm, offset_mn = find_contact(trial, motion)
     starts = _cell_starts(trial, motion, z0_mm, offset_mn)
     samples_s, force_mn = trial.time_s, trial.force_mn
@@ -166,6 +170,16 @@ def reduce_trial(
         if hold is not None
         else float(motion.position_mm.max())
     )
+    if_noise_lasts = None
+    if calmer is not None and not np.array_equal(calmer.position_mm, motion.position_mm):
+        if_noise_lasts = CellPath(
+            position_mm=mean(calmer.position_mm),
+            velocity_mm_s=mean(calmer.velocity_mm_s),
+            acceleration_mm_s2=mean(calmer.acceleration_mm_s2),
+            position_error_mm=mean(calmer.position_error_mm),
+            position_noise_mm=calmer.noise_mm,
+            beside_servo_mm=mean(calmer.beside_servo_mm),
+        )
     reduced = CellTrial(
         label=trial.path or trial.trial_id,
         kind=trial.kind,
@@ -201,6 +215,7 @@ def reduce_trial(
         position_error_mm=mean(motion.position_error_mm),
         position_noise_mm=motion.noise_mm,
         beside_servo_mm=mean(motion.beside_servo_mm),
+        if_noise_lasts=if_noise_lasts,
         uneven_s=None if trial.native is None else samples_s,
     )
     return replace(reduced, force_mn=reduced.cell_means(force_mn))

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from analysis.errors import BadInputError
 from analysis.mismatch.fit.noise import NoiseModel, measure_noise
+from analysis.mismatch.fit.position_noise import freed_of_position_noise
 from analysis.mismatch.fit.slow_noise import with_slow_noise
 from analysis.mismatch.fit.start import longest_s, start_rigid, start_tissue
 from analysis.mismatch.fit.study_fit import AT_REST, StudyFit, sampled_alike, tells_noise
@@ -56,7 +57,9 @@ def fit_baseline(trials: Sequence[CellTrial], *, ideal_step: bool = False) -> St
     for _ in range(NOISE_ROUNDS):
         fit = fit.with_population()
         fit = fit.weighed_by(noise_left(fit))
-    return fit.with_population()
+    fit = fit.with_population()
+    freed = freed_of_position_noise(fit)
+    return fit if freed is fit else freed.weighed_by(noise_left(freed)).with_population()
 
 
 def begun_anew(fit: StudyFit) -> StudyFit:

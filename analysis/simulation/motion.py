@@ -14,29 +14,24 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.optimize import least_squares
 
 from analysis.recordings.trial import Trial
-from analysis.simulation.servo import DEFAULT_DAMPING_RATIO, DEFAULT_NATURAL_FREQUENCY_RAD_S, follow
-from analysis.simulation.smoothing import (
-    averaged_noise,
-    beyond_noise,
-    position_noise,
-    share_that_stays,
-    smoothed,
-    smoothed_as_it_bears,
-    steady_velocity,
-    width_for_acceleration,
-    width_for_rest,
+from analysis.simulation.arm_path import (
+    NEAR_KINK_S,
+    SLOW_SMOOTHING_S,
+    ArmPath,
+    beside_servo,
+    near_kinks,
+    of_unknown_drive,
+    without_command,
 )
+from analysis.simulation.servo import DEFAULT_DAMPING_RATIO, DEFAULT_NATURAL_FREQUENCY_RAD_S, follow
+from analysis.simulation.smoothing import averaged_noise, position_noise
 from analysis.simulation.straight import straightened
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-NEAR_KINK_S = 0.025
-FAST_SMOOTHING_S = 0.0008
-SLOW_SMOOTHING_S = 0.005
-LASTING_S = (0.005, 0.01, 0.02, 0.04, 0.08)
+LASTING_S = (SLOW_SMOOTHING_S, 0.01, 0.02, 0.04, 0.08)
 """Times over which noise is averaged, where that of a position may last: a filter's, or a supply's."""
-RATE_SMOOTHING_S = 0.04
 VELOCITY_WINDOW_S = 0.002
 KINK_MM_S = 0.3
 UNKNOWN_DRIVE = 30.0
@@ -49,7 +44,7 @@ SERVO_SAMPLES = 8
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
+class Motion(ArmPath):
     """The arm's motion at full rate, each (N,) but where told, and what the nominal servo leaves of the recording.
 
     ``servo_residual_mm`` is recorded minus the nominal servo's answer to the command and ``servo_signature_mm`` (N, 2)
@@ -58,20 +53,15 @@ class Motion:
     ``shake_mm_s2`` (N, 2) is by how much more the arm accelerates at the samples than between them if the output steps
     and so pushes it once a sample: just before it steps, and just after.
     ``kinks`` are the samples at which the velocity of the command changes at once.
-    ``position_error_mm`` is the standard error that smoothing leaves of a position with noise ``noise_mm``.
-    ``beside_servo_mm`` is what of the position no servo explains, and no noise; zero where none is known.
+    ``if_noise_lasts`` is where the arm was if what wanders beside a servo's answer is the sensor's, however slow; None
+    where no servo is known.
     """
 
-    position_mm: FloatArray
-    velocity_mm_s: FloatArray
-    acceleration_mm_s2: FloatArray
     shake_mm_s2: FloatArray
     servo_residual_mm: FloatArray
     servo_signature_mm: FloatArray
     kinks: IntArray
-    position_error_mm: FloatArray
-    noise_mm: float
-    beside_servo_mm: FloatArray
+    if_noise_lasts: ArmPath | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,21 +200,20 @@ def estimate_motion(trial: Trial, servo: FoundServo = NOMINAL_SERVO, *, noise_la
     else:
         base, v, a = np.zeros_like(recorded), np.zeros_like(recorded), np.zeros_like(recorded)
     # what a servo's answer leaves of a recording has none of its converter's levels any more
-    noise_mm, near = position_noise(recorded), _near(kinks, len(recorded), rate)
-    beside_servo = np.zeros_like(recorded)
+    noise_mm, near = position_noise(recorded), near_kinks(kinks, len(recorded), rate)
+    if_noise_lasts = None
     if trial.command_mm is None:
-        smooth, rest_v, rest_a, error = _without_command(recorded, noise_mm, near, rate)
+        path = without_command(recorded, noise_mm, near, rate)
     elif _servo_explains(recorded, noise_mm, base):
         rest = recorded - base
-        over_s = LASTING_S if noise_lasts else (SLOW_SMOOTHING_S,)
-        noise_mm = max(noise_mm, *(averaged_noise(rest, max(1, round(s * rate))) for s in over_s))
-        smooth, rest_v, rest_a, error = _beside_servo(rest, noise_mm, near, rate)
-        beside_servo = _shown(smooth, error, noise_mm)
+        averaged = [max(noise_mm, averaged_noise(rest, max(1, round(s * rate)))) for s in LASTING_S]
+        path, if_noise_lasts = (
+            beside_servo(rest, n, near, rate).beside(base, v, a) for n in (averaged[0], max(averaged))
+        )
     else:
         # a drive that is no such servo: its answer would add accelerations that never were
-        base, v, a = (np.zeros_like(recorded) for _ in range(3))
         shake = np.zeros_like(shake)
-        smooth, rest_v, rest_a, error = _of_unknown_drive(recorded, noise_mm, rate)
+        path = of_unknown_drive(recorded, noise_mm, rate)
     servo_residual, signature = np.zeros_like(recorded), np.zeros((len(recorded), 2))
     if trial.command_mm is not None:
         wn, zeta = DEFAULT_NATURAL_FREQUENCY_RAD_S, DEFAULT_DAMPING_RATIO
@@ -236,64 +225,15 @@ def estimate_motion(trial: Trial, servo: FoundServo = NOMINAL_SERVO, *, noise_la
         signature[:, 0] = (follow(trial.command_mm, rate, wn * (1 + h), zeta).position_mm - found) / h
         signature[:, 1] = (follow(trial.command_mm, rate, wn, zeta * (1 + h)).position_mm - found) / h
     return Motion(
-        position_mm=base + smooth,
-        velocity_mm_s=v + rest_v,
-        acceleration_mm_s2=a + rest_a,
+        position_mm=path.position_mm,
+        velocity_mm_s=path.velocity_mm_s,
+        acceleration_mm_s2=path.acceleration_mm_s2,
+        position_error_mm=path.position_error_mm,
+        noise_mm=path.noise_mm,
+        beside_servo_mm=path.beside_servo_mm,
         shake_mm_s2=shake,
         servo_residual_mm=servo_residual,
         servo_signature_mm=signature,
         kinks=kinks,
-        position_error_mm=error,
-        noise_mm=noise_mm,
-        beside_servo_mm=beside_servo,
+        if_noise_lasts=if_noise_lasts,
     )
-
-
-def _shown(rest_mm: FloatArray, error_mm: FloatArray, noise_mm: float) -> FloatArray:
-    """Return what of a position beside the servo's answer (N,) is no noise; nothing, if less than that of a sample."""
-    shown_mm = np.where(beyond_noise(rest_mm, error_mm), rest_mm, 0.0)
-    return shown_mm if float(np.abs(shown_mm).max()) > noise_mm else np.zeros_like(rest_mm)
-
-
-def _near(kinks: IntArray, n: int, rate_hz: float) -> FloatArray:
-    """Return how much each of n samples lies near a kink, from 0 to 1."""
-    near = np.zeros(n)
-    half = max(1, round(NEAR_KINK_S * rate_hz))
-    for k in kinks:
-        near[max(0, k - half) : k + half] = 1.0
-    return np.asarray(gaussian_filter1d(near, max(1.0, half / 4)))
-
-
-def _beside_servo(
-    rest_mm: FloatArray, noise_mm: float, near: FloatArray, rate_hz: float
-) -> tuple[FloatArray, ...]:
-    """Return position, velocity and acceleration (N,) of what a servo's answer leaves, and the position's error."""
-    of_fast = width_for_rest(rest_mm, noise_mm, near, max(0.3, FAST_SMOOTHING_S * rate_hz))
-    of_slow = width_for_rest(rest_mm, noise_mm, 1.0 - near, max(0.3, SLOW_SMOOTHING_S * rate_hz))
-    fast, slow = smoothed(rest_mm, of_fast), smoothed(rest_mm, of_slow)
-    error = noise_mm * (near * share_that_stays(of_fast) + (1.0 - near) * share_that_stays(of_slow))
-    velocity = steady_velocity(rest_mm, noise_mm, max(0.3, RATE_SMOOTHING_S * rate_hz)) * rate_hz
-    return near * fast + (1.0 - near) * slow, velocity, np.gradient(velocity) * rate_hz, error
-
-
-def _of_unknown_drive(recorded_mm: FloatArray, noise_mm: float, rate_hz: float) -> tuple[FloatArray, ...]:
-    """Return position, velocity and acceleration (N,) of what moves all along, not as its command says; its error."""
-    width = width_for_acceleration(recorded_mm, noise_mm)
-    position = smoothed(recorded_mm, width)
-    velocity = np.gradient(position) * rate_hz
-    error = np.full(len(position), noise_mm * share_that_stays(width))
-    return position, velocity, np.gradient(velocity) * rate_hz, error
-
-
-def _without_command(
-    recorded_mm: FloatArray, noise_mm: float, near: FloatArray, rate_hz: float
-) -> tuple[FloatArray, ...]:
-    """Return position, velocity and acceleration (N,) of an arm of which only the position is known, and its error.
-
-    What throws a mass is to be smooth near kinks, too: its acceleration is not that of the velocity.
-    """
-    quick = np.gradient(smoothed(recorded_mm, max(0.5, VELOCITY_WINDOW_S * rate_hz))) * rate_hz
-    steady = steady_velocity(recorded_mm, noise_mm, max(0.3, RATE_SMOOTHING_S * rate_hz)) * rate_hz
-    position, per_sample, error = smoothed_as_it_bears(recorded_mm, noise_mm, RATE_SMOOTHING_S * rate_hz)
-    acceleration = np.gradient(near * quick + (1.0 - near) * steady) * rate_hz
-    return position, per_sample * rate_hz, acceleration, error

@@ -129,15 +129,11 @@ def reduce_trial(
     trial: Trial,
     motion: Motion,
     *,
-    calmer: Motion | None = None,
     order: int = 0,
     pressed_before: tuple[float, float] | None = None,
     hold_only: bool = False,
 ) -> CellTrial:
-    """Reduce a trial to cells; ``hold_only`` marks nothing but the hold as to be fitted (step baseline).
-
-    ``calmer`` is the motion if the position's noise lasts.
-    """
+    """Reduce a trial to cells; ``hold_only`` marks nothing but the hold as to be fitted (step baseline)."""
     z0_mm, offset_mn = find_contact(trial, motion)
     starts = _cell_starts(trial, motion, z0_mm, offset_mn)
     samples_s, force_mn = trial.time_s, trial.force_mn
@@ -170,7 +166,7 @@ def reduce_trial(
         if hold is not None
         else float(motion.position_mm.max())
     )
-    if_noise_lasts = None
+    if_noise_lasts, calmer = None, motion.if_noise_lasts
     if calmer is not None and not np.array_equal(calmer.position_mm, motion.position_mm):
         if_noise_lasts = CellPath(
             position_mm=mean(calmer.position_mm),

@@ -113,10 +113,8 @@ def _reduce(
         felt = (before_mm, rest_s) if before_mm is not None and rest_s is not None else None
         try:
             trial = load(head)
-            motion, calmer = (estimate_motion(trial, servo, noise_lasts=lasts) for lasts in (False, True))
-            reduced = reduce_trial(
-                trial, motion, calmer=calmer, order=order, pressed_before=felt, hold_only=hold_only
-            )
+            motion = estimate_motion(trial, servo)
+            reduced = reduce_trial(trial, motion, order=order, pressed_before=felt, hold_only=hold_only)
             cells.append(_under(reduced, head, punches_mm))
         except UNCOMPUTABLE as error:
             left_out.append(

@@ -10,10 +10,11 @@ import pytest
 from numpy.typing import NDArray
 
 from analysis.recordings.trial import NativeSamples, Trial
+from analysis.simulation.arm_path import SLOW_SMOOTHING_S
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.forward import PerTrial, simulate_force
 from analysis.simulation.mechanism import Tissue
-from analysis.simulation.motion import SLOW_SMOOTHING_S, estimate_motion
+from analysis.simulation.motion import estimate_motion
 from analysis.simulation.reduction import reduce_trial
 from analysis.simulation.response import Steps, arms_force
 from sim_hardware.concealment.offline import study_plans

@@ -10,7 +10,7 @@ from analysis.mismatch.confirm.heldout import HeldOut, confirm
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.locate.absorbed import Absorbed, find_absorbed
-from analysis.mismatch.locate.located import Located, locate, where_bursts, where_trend
+from analysis.mismatch.locate.located import Located, locate, where_trend, with_bursts
 from analysis.mismatch.locate.position_channel import PositionFinding, look_at_position
 from analysis.mismatch.locate.remainder import Nameless, Remainder, find_transients, nameless_of, remainder_of
 from analysis.mismatch.name.finding import Finding, findings
@@ -70,8 +70,8 @@ def diagnose(intake: Intake, *, baseline: str = "ramp", seed: int = 0) -> Diagno
         named=named,
         findings=found,
         lines=lines,
-        located=(*locate(before.fit, rng, somewhere=somewhere), *where_bursts(bursts), *trend),
-        left=(*locate(nameless.left, rng), *where_bursts(remainder.bursts), *trend),
+        located=(*with_bursts(locate(before.fit, rng, somewhere=somewhere), bursts), *trend),
+        left=(*with_bursts(locate(nameless.left, rng), remainder.bursts), *trend),
         remainder=remainder,
         nameless=nameless,
         absorbed=find_absorbed(named.account.fit),

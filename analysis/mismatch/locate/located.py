@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +22,8 @@ FloatArray = NDArray[np.float64]
 class Located:
     """One stretch of a phase: times from a trial's first sample (median of trials), mean and rms of what differs.
 
-    ``share`` of all energy beyond noise; ``common``: whether trials have it in common; ``with_depth``: whether it grows
-    with depth; ``chi2`` of its cells.
+    ``share`` of all ``energy`` beyond noise, mN^2 samples; ``common``: whether trials have it in common;
+    ``with_depth``: whether it grows with depth.
     """
 
     phase: str
@@ -36,6 +36,7 @@ class Located:
     common: bool
     with_depth: bool
     told: str = ""
+    energy: float = 0.0
 
     @property
     def words(self) -> str:
@@ -88,17 +89,33 @@ def locate(fit: StudyFit, rng: np.random.Generator, *, somewhere: bool = False) 
                 min(1.0, float(energy[group].sum()) / total),
                 bool(common_p[:, group].min() <= LEVEL),
                 bool(common_p[1, group].min() <= LEVEL),
+                energy=float(energy[group].sum()),
             )
         )
     return tuple(sorted(found, key=lambda w: -w.share))
 
 
-def where_bursts(bursts: Bursts) -> tuple[Located, ...]:
-    """Return where bursts lie, if there are any: about the largest."""
+def with_bursts(windows: Sequence[Located], bursts: Bursts) -> tuple[Located, ...]:
+    """Return windows with where bursts lie, if there are any: about the largest; largest share first."""
     if not bursts.phase or bursts.evidence <= ENOUGH_OWN:
-        return ()
+        return tuple(windows)
     at, p = bursts.at_s, float(np.exp(-min(bursts.evidence, 700.0)))
-    return (Located(bursts.phase, at, at, 0.0, bursts.rms_mn, p, 1.0, common=False, with_depth=False),)
+    whole = bursts.energy + max((w.energy / max(w.share, 1e-30) for w in windows), default=0.0)
+    share = bursts.energy / whole if windows else 1.0
+    burst = Located(
+        bursts.phase,
+        at,
+        at,
+        0.0,
+        bursts.rms_mn,
+        p,
+        share,
+        common=False,
+        with_depth=False,
+        energy=bursts.energy,
+    )
+    beside = (replace(w, share=(1.0 - share) * w.share) for w in windows)
+    return tuple(sorted((burst, *beside), key=lambda w: -w.share))
 
 
 def where_trend(trend: Trend) -> tuple[Located, ...]:

@@ -57,7 +57,8 @@ def find_outliers(fit: StudyFit) -> Bursts:
     j = int(np.argmax([np.abs(s.off).max(initial=0.0) for s in scattered]))
     most = int(np.argmax(np.abs(scattered[j].off)))
     at_s = float(fit.trials[j].full_time_s[kept[j]][most])
-    return Bursts(whole.evidence, phase_at(fit.trials[j], at_s), at_s, whole.far_sd * sigma_mn)
+    energy = sum(s.sigma_mn**2 * float(np.sum(s.off[np.abs(s.off) > FAR] ** 2)) for s in scattered)
+    return Bursts(whole.evidence, phase_at(fit.trials[j], at_s), at_s, whole.far_sd * sigma_mn, energy)
 
 
 def levels_apart(force_mn: NDArray[np.float32]) -> float:

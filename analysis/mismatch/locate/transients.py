@@ -29,12 +29,16 @@ PRICE = float(np.log(len(STRENGTHS) * len(OFTEN)))
 
 @dataclass(frozen=True)
 class Bursts:
-    """Evidence in nats for bursts, the phase with most of them, and rms (mN) and time (s) of the largest of a trial."""
+    """Evidence in nats for bursts, the phase with most of them, and rms (mN) and time (s) of the largest of a trial.
+
+    ``energy`` is that of all trials beyond what noise makes, mN^2 samples.
+    """
 
     evidence: float
     phase: str
     at_s: float
     rms_mn: float
+    energy: float = 0.0
 
 
 NO_BURSTS = Bursts(0.0, "", 0.0, 0.0)
@@ -60,7 +64,10 @@ def find_bursts(fit: StudyFit) -> Bursts:
     row, column = divmod(int(np.abs(z).argmax()), z.shape[1])
     at_s = float(times[column])
     size_mn = sigma * tops[j] / float(np.sqrt(WIDTHS[row]))
-    return Bursts(best - PRICE, phase_at(fit.trials[j], at_s), at_s, size_mn)
+    # of so many sums of noise alone the largest is hardly larger than that (Donoho and Johnstone 1994)
+    noise = (2.0 * np.log(max(z.size, 1)) for z, _, _ in scored)
+    energy = sum(s**2 * max(top**2 - n, 0.0) for (_, _, s), top, n in zip(scored, tops, noise, strict=True))
+    return Bursts(best - PRICE, phase_at(fit.trials[j], at_s), at_s, size_mn, energy)
 
 
 def phase_at(trial: CellTrial, at_s: float) -> str:

@@ -25,7 +25,7 @@ NEAR_KINK_S = 0.025
 FAST_SMOOTHING_S = 0.0008
 SLOW_SMOOTHING_S = 0.005
 RATE_SMOOTHING_S = 0.04
-QUICK_SMOOTHING_S = 0.002
+VELOCITY_WINDOW_S = 0.002
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +97,7 @@ def without_command(recorded_mm: FloatArray, noise_mm: float, near: FloatArray, 
 
     What throws a mass is to be smooth near kinks, too: its acceleration is not that of the velocity.
     """
-    quick = np.gradient(smoothed(recorded_mm, max(0.5, QUICK_SMOOTHING_S * rate_hz))) * rate_hz
+    quick = np.gradient(smoothed(recorded_mm, max(0.5, VELOCITY_WINDOW_S * rate_hz))) * rate_hz
     steady = steady_velocity(recorded_mm, noise_mm, max(0.3, RATE_SMOOTHING_S * rate_hz)) * rate_hz
     position, per_sample, error = smoothed_as_it_bears(recorded_mm, noise_mm, RATE_SMOOTHING_S * rate_hz)
     acceleration = np.gradient(near * quick + (1.0 - near) * steady) * rate_hz

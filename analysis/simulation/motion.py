@@ -17,6 +17,7 @@ from analysis.recordings.trial import Trial
 from analysis.simulation.arm_path import (
     NEAR_KINK_S,
     SLOW_SMOOTHING_S,
+    VELOCITY_WINDOW_S,
     ArmPath,
     beside_servo,
     near_kinks,
@@ -32,7 +33,6 @@ IntArray = NDArray[np.int64]
 
 LASTING_S = (SLOW_SMOOTHING_S, 0.01, 0.02, 0.04, 0.08)
 """Times over which noise is averaged, where that of a position may last: a filter's, or a supply's."""
-VELOCITY_WINDOW_S = 0.002
 KINK_MM_S = 0.3
 UNKNOWN_DRIVE = 30.0
 SMALLEST_NOISE_MM = 2e-4
@@ -54,7 +54,7 @@ class Motion(ArmPath):
     and so pushes it once a sample: just before it steps, and just after.
     ``kinks`` are the samples at which the velocity of the command changes at once.
     ``if_noise_lasts`` is where the arm was if what wanders beside a servo's answer is the sensor's, however slow; None
-    where no servo is known.
+    where that is no more than over 5 ms, or no servo is known.
     """
 
     shake_mm_s2: FloatArray
@@ -174,7 +174,7 @@ def _servo_explains(recorded_mm: FloatArray, noise_mm: float, servo_mm: FloatArr
     return bool(float(np.std(left)) <= UNKNOWN_DRIVE * max(noise_mm, SMALLEST_NOISE_MM))
 
 
-def estimate_motion(trial: Trial, servo: FoundServo = NOMINAL_SERVO, *, noise_lasts: bool = False) -> Motion:
+def estimate_motion(trial: Trial, servo: FoundServo = NOMINAL_SERVO) -> Motion:
     """Return the motion behind a recording: the servo's answer plus the smoothed rest.
 
     The rest is smoothed over 0.8 ms near kinks, where it may be fast, and over 5 ms elsewhere, or in both as much more
@@ -207,9 +207,9 @@ def estimate_motion(trial: Trial, servo: FoundServo = NOMINAL_SERVO, *, noise_la
     elif _servo_explains(recorded, noise_mm, base):
         rest = recorded - base
         averaged = [max(noise_mm, averaged_noise(rest, max(1, round(s * rate)))) for s in LASTING_S]
-        path, if_noise_lasts = (
-            beside_servo(rest, n, near, rate).beside(base, v, a) for n in (averaged[0], max(averaged))
-        )
+        path = beside_servo(rest, averaged[0], near, rate).beside(base, v, a)
+        if max(averaged) > averaged[0]:
+            if_noise_lasts = beside_servo(rest, max(averaged), near, rate).beside(base, v, a)
     else:
         # a drive that is no such servo: its answer would add accelerations that never were
         shake = np.zeros_like(shake)

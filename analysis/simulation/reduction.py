@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.recordings.trial import PHASE_NAMES, Trial
+from analysis.simulation.arm_path import ArmPath
 from analysis.simulation.cells import CellPath, CellTrial, moves
 from analysis.simulation.converter import levels_of
 from analysis.simulation.motion import Motion
@@ -153,6 +154,16 @@ def reduce_trial(
     def means(signals: FloatArray) -> FloatArray:
         return np.column_stack([mean(signal) for signal in signals.T])
 
+    def path_in_cells(of: ArmPath) -> CellPath:
+        return CellPath(
+            position_mm=mean(of.position_mm),
+            velocity_mm_s=mean(of.velocity_mm_s),
+            acceleration_mm_s2=mean(of.acceleration_mm_s2),
+            position_error_mm=mean(of.position_error_mm),
+            position_noise_mm=of.noise_mm,
+            beside_servo_mm=mean(of.beside_servo_mm),
+        )
+
     phase = np.full(trial.n_samples, -1, dtype=np.int64)
     for p in trial.phases:
         phase[p.samples] = PHASE_NAMES.index(p.name)
@@ -166,17 +177,12 @@ def reduce_trial(
         if hold is not None
         else float(motion.position_mm.max())
     )
-    if_noise_lasts, calmer = None, motion.if_noise_lasts
-    if calmer is not None and not np.array_equal(calmer.position_mm, motion.position_mm):
-        if_noise_lasts = CellPath(
-            position_mm=mean(calmer.position_mm),
-            velocity_mm_s=mean(calmer.velocity_mm_s),
-            acceleration_mm_s2=mean(calmer.acceleration_mm_s2),
-            position_error_mm=mean(calmer.position_error_mm),
-            position_noise_mm=calmer.noise_mm,
-            beside_servo_mm=mean(calmer.beside_servo_mm),
-        )
+    path, if_noise_lasts = path_in_cells(motion), None
+    if motion.if_noise_lasts is not None:
+        calmer = path_in_cells(motion.if_noise_lasts)
+        if_noise_lasts = None if np.array_equal(calmer.position_mm, path.position_mm) else calmer
     reduced = CellTrial(
+        **vars(path),
         label=trial.path or trial.trial_id,
         kind=trial.kind,
         condition=condition_of(trial),
@@ -187,9 +193,6 @@ def reduce_trial(
         full_force_mn=force_mn.astype(np.float32),
         full_servo_residual_mm=taken(motion.servo_residual_mm).astype(np.float32),
         time_s=0.5 * (samples_s[starts] + samples_s[last]),
-        position_mm=mean(motion.position_mm),
-        velocity_mm_s=mean(motion.velocity_mm_s),
-        acceleration_mm_s2=mean(motion.acceleration_mm_s2),
         shake_mm_s2=means(motion.shake_mm_s2),
         command_mm=mean(command) if command is not None else mean(motion.position_mm),
         force_mn=np.add.reduceat(force_mn, starts) / counts,
@@ -208,9 +211,6 @@ def reduce_trial(
         finger=f"{trial.specimen.subject} {trial.specimen.finger}".strip(),
         fitted=fitted,
         levels=levels_of(force_mn) if trial.native is None else None,
-        position_error_mm=mean(motion.position_error_mm),
-        position_noise_mm=motion.noise_mm,
-        beside_servo_mm=mean(motion.beside_servo_mm),
         if_noise_lasts=if_noise_lasts,
         uneven_s=None if trial.native is None else samples_s,
     )

@@ -35,15 +35,4 @@ def _calmer_at_rest(trial: CellTrial) -> CellTrial:
 
 def _calmer(trial: CellTrial) -> CellTrial:
     path = trial.if_noise_lasts
-    if path is None:
-        return trial
-    return replace(
-        trial,
-        position_mm=path.position_mm,
-        velocity_mm_s=path.velocity_mm_s,
-        acceleration_mm_s2=path.acceleration_mm_s2,
-        position_error_mm=path.position_error_mm,
-        position_noise_mm=path.position_noise_mm,
-        beside_servo_mm=path.beside_servo_mm,
-        if_noise_lasts=None,
-    )
+    return trial if path is None else replace(trial, **vars(path), if_noise_lasts=None)

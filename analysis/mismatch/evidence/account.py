@@ -19,10 +19,10 @@ from analysis.mismatch.evidence.inexactness import (
     inexact_effects,
     inexact_names,
     inexact_precision,
-    off_coefficients,
+    likely_shares,
     with_inexactness,
 )
-from analysis.mismatch.evidence.shares import EXACT, Shares, even_shares, likeliest_shares
+from analysis.mismatch.evidence.shares import EXACT, Shares, even_shares
 from analysis.mismatch.fit.baseline import begun_anew, noise_left
 from analysis.mismatch.fit.contacts import contacts_begun_anew
 from analysis.mismatch.fit.gram import Grams, gram
@@ -74,13 +74,13 @@ class Account:
             law_columns(trial, fit.states[j], fit.shared) * with_room(fit.shared),
             foreseen_columns(fit, j, effects),
         ]
-        return np.hstack([*of_laws, inexact_columns(trial, effects)] if self.inexact else of_laws)
+        return np.hstack([*of_laws, inexact_columns(trial, effects)] if self.inexact.by_effect else of_laws)
 
     @property
     def precision(self) -> FloatArray:
         """What is known (K,) of the coefficients of `columns` before any trial is weighed by them."""
         foreseen = foreseen_precision(self.fit.shared, len(self.may_be_off))
-        off = inexact_precision(self.inexact, self.may_be_off) if self.inexact else np.zeros(0)
+        off = inexact_precision(self.inexact, self.may_be_off) if self.inexact.by_effect else np.zeros(0)
         return np.concatenate([known_beforehand(self.fit.shared), foreseen, off])
 
     @cached_property
@@ -102,7 +102,8 @@ class Account:
         determinants += np.array([w.log_determinant for w in fit.whiteners])
         deviance = predictive_deviance(self.grams, range(self.grams.n_added))
         inner = sum(p.inner for law in fit.shared.laws for p in law.parameters)
-        off = np.count_nonzero(self.explained_by_phase) if self.inexact else 0
+        off = np.count_nonzero(self.explained_by_phase) if self.inexact.by_effect else 0
+        off += sum(law.name in self.inexact.sizes for law in fit.shared.laws)
         price = (sum(self.steps.values()) + inner + off) / len(deviance)
         return np.asarray(-0.5 * (deviance + determinants) - price)
 
@@ -167,10 +168,6 @@ class Account:
         """The evidence of all trials but for what granting brought that laws may be off."""
         return self.nats - self.granted
 
-    def granted_share(self, nothing: Account) -> float:
-        """Return what part of the evidence over an account without effects comes of granting that these are off."""
-        return self.granted / max(self.gain_over(nothing)[0], 1e-12)
-
     def settled(self, least: float = ENOUGH_SHARED) -> Account:
         """Return the account reweighed, or begun anew if it then predicts better by laws that are exact.
 
@@ -225,28 +222,33 @@ class Account:
 
         What laws leave over by being off has passed for slow noise until then, and bent the tissue.
         """
-        if not self.shares or self.inexact_to(self.shares).nats <= self.nats:
-            return self
-        granted = self.rough.nats - self.nats
-        return replace(self.rough, granted=granted) if granted > 0.0 else self
+        whole = max(self, self.sized, key=lambda a: a.nats)
+        if not self.shares or self.inexact_to(self.shares).nats <= whole.nats:
+            return whole
+        granted = self.rough.nats - whole.nats
+        return replace(self.rough, granted=granted) if granted > 0.0 else whole
+
+    @cached_property
+    def sized(self) -> Account:
+        """The account with its laws exact in form, but each as large in every trial as the site or the day has it."""
+        exact, shares = self.exact, (self.inexact or self.shares).of_sizes
+        return exact.off_by(shares) if shares and exact.inexact_to(shares).nats > exact.nats else exact
 
     @cached_property
     def shares(self) -> Shares:
         """The likeliest shares by which its laws are off, no slow noise being granted; of few trials none can say."""
         if not self.may_be_off or len(self.fit.trials) < FEWEST_HELD_OUT:
             return EXACT
-        off = self.exact.quick().inexact_to(even_shares(self.may_be_off, INEXACT))
-        columns, groups = (
-            map(off.columns, range(len(off.fit.trials))),
-            off_coefficients(off.fit, self.may_be_off),
+        laws = [law.name for law in self.fit.shared.laws]
+        off = self.exact.quick().inexact_to(even_shares(self.may_be_off, INEXACT, laws))
+        return likely_shares(
+            off.fit, map(off.columns, range(len(off.fit.trials))), off.precision, self.may_be_off
         )
-        likeliest = likeliest_shares(off.fit, columns, off.precision, groups)
-        return Shares(dict(zip(self.may_be_off, likeliest.reshape(-1, len(PHASE_NAMES)), strict=True)))
 
     @cached_property
     def as_off(self) -> Account:
         """The account as it stands, with what its laws may leave over as far as they are likely to be off."""
-        return self if self.inexact else replace(self, inexact=self.shares)
+        return self if self.inexact.by_effect else replace(self, inexact=self.shares)
 
     def off_by(self, shares: Shares) -> Account:
         """Return the account with its laws granted to be off by shares, and the noise measured beside that.
@@ -268,11 +270,11 @@ class Account:
     @cached_property
     def rough(self) -> Account:
         """The account with its laws granted to be off by their likeliest shares."""
-        return self if self.inexact else self.off_by(self.shares)
+        return self if self.inexact.by_effect else self.off_by(self.shares)
 
     def inexact_to(self, shares: Shares) -> Account:
         """Return the account with its laws granted to be off by shares; what is linear need not be refitted."""
-        if self.inexact and np.array_equal(shares.of(self.may_be_off), self.inexact.of(self.may_be_off)):
+        if shares.same(self.inexact, self.may_be_off):
             return self
         return replace(self, fit=with_inexactness(self.fit, shares, self.may_be_off), inexact=shares)
 
@@ -293,8 +295,5 @@ class Account:
         return replace(self, fit=begun_anew(self.fit.weighed_by(noise))).with_laws(self.fit.shared.laws)
 
     def best_at(self, noise: NoiseModel) -> Account:
-        """Return the account refitted with another noise, its tissues begun anew if it then predicts better.
-
-        Slow noise that an effect was taken for had left them anywhere.
-        """
+        """Return the account refitted with another noise, or begun anew: slow noise may have left tissues anywhere."""
         return max(self.at_noise(noise), self.begun_anew(noise), key=lambda a: a.nats)

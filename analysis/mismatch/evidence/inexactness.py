@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
 from numpy.typing import NDArray
 
-from analysis.mismatch.evidence.shares import OffCoefficients, Shares
+from analysis.mismatch.evidence.shares import OffCoefficients, Shares, likeliest_shares
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import INEXACT, UNFORESEEN
 from analysis.mismatch.model.effects import OwnShape, Shared, TrialState, own_effects, simulate
@@ -18,7 +18,7 @@ from analysis.simulation.cells import CellTrial
 
 FloatArray = NDArray[np.float64]
 
-INEXACT_KIND = "inexact"
+INEXACT_KIND, SIZE_KIND = OFF_KINDS = ("inexact", "size")
 SMOOTH, ROUGHER = 3, 4
 PER_PHASE, IN_TRIAL = SMOOTH + 1 + ROUGHER, 2
 """Shapes of an effect's inexactness in every phase: smooth ones, what comes at once, and those of higher orders; and
@@ -34,13 +34,20 @@ SETTLES_S = 0.02
 
 def with_inexactness(fit: StudyFit, shares: Shares, names: Sequence[str]) -> StudyFit:
     """Return the fit in which effects (of `inexact_names`) may be off by shares of their size, differently in every
-    trial and phase.
+    trial and phase, and laws as large in each trial as they are there.
     """
     priors = shares.of(names).ravel() ** 2
+    every = inexact_names(fit)
     states = []
     for j, state in enumerate(fit.states):
-        own = inexact_columns(fit.trials[j], inexact_effects(fit, j, names))
+        effects = dict(zip(every, inexact_effects(fit, j, every), strict=True))
         added = [
+            OwnShape(name, "force", effects[name], share**2, 0.0, SIZE_KIND)
+            for name, share in shares.sizes.items()
+            if np.any(effects.get(name, 0.0))
+        ]
+        own = inexact_columns(fit.trials[j], [effects[n] for n in names] if shares.by_effect else [])
+        added += [
             # by itself: a column of a matrix would keep all of it, and most of it is not each trial's own
             OwnShape(names[g // len(PHASE_NAMES)], "force", own[:, k].copy(), priors[g], 0.0, INEXACT_KIND)
             for g, k in ((k // PER_PHASE, k) for k in range(own.shape[1]))
@@ -56,12 +63,17 @@ def inexact_precision(shares: Shares, names: Sequence[str]) -> FloatArray:
 
 
 def off_coefficients(fit: StudyFit, names: Sequence[str]) -> OffCoefficients:
-    """Return which coefficients of a fit `with_inexactness` say by how much effects are off."""
-    n_groups = len(names) * len(PHASE_NAMES)
+    """Return which coefficients of a fit `with_inexactness` say by how much effects are off.
+
+    Groups are effects by phases, and after all of these the sizes of the laws.
+    """
+    n_groups, laws = len(names) * len(PHASE_NAMES), [law.name for law in fit.shared.laws]
     own = []
     for trial, state, columns in zip(fit.trials, fit.states, fit.own, strict=True):
         group = np.full(columns.n_own, -1)
         for k, x in enumerate(state.shapes):
+            if x.kind == SIZE_KIND:
+                group[columns.tissue.stop + k] = n_groups + laws.index(x.effect)
             if x.kind == INEXACT_KIND:
                 phase = trial.phase[np.flatnonzero(x.shape)[0]]
                 group[columns.tissue.stop + k] = names.index(x.effect) * len(PHASE_NAMES) + phase
@@ -70,13 +82,24 @@ def off_coefficients(fit: StudyFit, names: Sequence[str]) -> OffCoefficients:
     return OffCoefficients(shared, np.tile(BESIDE, n_groups), tuple(own))
 
 
+def likely_shares(
+    fit: StudyFit, columns: Iterable[FloatArray], known: FloatArray, names: Sequence[str]
+) -> Shares:
+    """Return the shares by which effects of a fit `with_inexactness` are off, by `likeliest_shares`."""
+    found = likeliest_shares(fit, columns, known, off_coefficients(fit, names))
+    by_phase = found[: len(names) * len(PHASE_NAMES)].reshape(len(names), -1)
+    # the last laws may be nothing in any trial, and have no coefficients
+    of_laws = zip(fit.shared.laws, found[by_phase.size :].tolist(), strict=False)
+    return Shares(dict(zip(names, by_phase, strict=True)), {law.name: share for law, share in of_laws})
+
+
 def inexact_names(fit: StudyFit) -> tuple[str, ...]:
     """Return the names of what is granted to be off: the laws, then what has shapes of its own in some trial.
 
     A rhythm of many cycles, a band, wanders by itself.
     """
     laws = [law.name for law in fit.shared.laws]
-    own = (x.effect for s in fit.states for x in s.shapes if not x.is_number and x.kind != INEXACT_KIND)
+    own = (x.effect for s in fit.states for x in s.shapes if not x.is_number and x.kind not in OFF_KINDS)
     return tuple(dict.fromkeys((*laws, *own)))
 
 
@@ -101,7 +124,7 @@ def inexact_effects(fit: StudyFit, j: int, names: Sequence[str]) -> list[FloatAr
 def exact_state(state: TrialState, effect: str = "") -> TrialState:
     """Return the state of a trial without what its effects, or one of them, are granted to be off by."""
     return state.with_only(
-        [k for k, x in enumerate(state.shapes) if x.kind != INEXACT_KIND or effect not in ("", x.effect)]
+        [k for k, x in enumerate(state.shapes) if x.kind not in OFF_KINDS or effect not in ("", x.effect)]
     )
 
 

@@ -47,18 +47,26 @@ def beside_quick_noise(account: Account, of: Account) -> Account:
 
 
 def is_off(account: Account, name: str, gain: float) -> bool:
-    """Return whether an effect is off by a third or more where it explains most, and a tenth of what it gains is that.
+    """Return whether an effect is off by a third or more, and a tenth of what it gains is that.
 
     By so much it is another law. All others are as far off as they are with it; where all are likelier exact none is.
     """
-    if name not in account.may_be_off or not account.inexact:
-        return False
-    most = int(np.argmax(account.explained_by_phase[account.may_be_off.index(name)]))
-    if not np.isclose(account.inexact.of([name])[0, most], ROUGH):
-        return False
-    taken_as_exact = account.taken_as_exact | {name}
-    without = replace(account.exact, taken_as_exact=taken_as_exact).inexact_to(account.inexact)
-    return account.gain_over(without)[0] > SMALL_SHARE * gain
+    return any(account.gain_over(right)[0] > SMALL_SHARE * gain for right in _were_it_right(account, name))
+
+
+def _were_it_right(account: Account, name: str) -> Iterator[Account]:
+    """Yield the account with an effect exact in form if it is off by a third where it explains most, and with one size
+    in all trials if that differs by a third.
+    """
+    shares = account.inexact
+    if name in account.may_be_off and shares.by_effect:
+        most = int(np.argmax(account.explained_by_phase[account.may_be_off.index(name)]))
+        if np.isclose(shares.of([name])[0, most], ROUGH):
+            taken_as_exact = account.taken_as_exact | {name}
+            yield replace(account.exact, taken_as_exact=taken_as_exact).inexact_to(shares)
+    if np.isclose(shares.sizes.get(name, 0.0), ROUGH):
+        sizes = {other: share for other, share in shares.sizes.items() if other != name}
+        yield account.inexact_to(replace(shares, sizes=sizes))
 
 
 def explains_itself(account: Account, before: Account, gain: float, asked: float) -> bool:

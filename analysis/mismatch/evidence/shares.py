@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,12 +28,16 @@ NEWTON = 8
 
 @dataclass(frozen=True)
 class Shares:
-    """The share of its size by which each effect may be off in every phase (P,), by name; none: they are exact."""
+    """The share of its size by which each effect may be off in every phase (P,), by name; none: they are exact.
+
+    ``sizes`` are the shares of itself by which a law as a whole may be larger or smaller in each trial.
+    """
 
     by_effect: Mapping[str, FloatArray] = field(default_factory=dict)
+    sizes: Mapping[str, float] = field(default_factory=dict)
 
     def __bool__(self) -> bool:
-        return bool(self.by_effect)
+        return bool(self.by_effect or self.sizes)
 
     def of(self, names: Sequence[str]) -> FloatArray:
         """Return the shares (E, P) of some effects; one that was not looked at is right to a tenth."""
@@ -43,26 +47,39 @@ class Shares:
     def or_larger(self, other: Shares) -> Shares:
         """Return for each effect and phase the larger share of two."""
         both = {**other.by_effect, **self.by_effect}
-        return Shares({n: np.maximum(s, other.by_effect.get(n, s)) for n, s in both.items()})
+        sizes = {n: max(s, self.sizes.get(n, s)) for n, s in other.sizes.items()}
+        return Shares(
+            {n: np.maximum(s, other.by_effect.get(n, s)) for n, s in both.items()}, {**self.sizes, **sizes}
+        )
 
     def no_more_than(self, other: Shares, names: Collection[str]) -> Shares:
         """Return the shares, those of the effects with these names no larger than another's."""
         bounded = {n: np.minimum(self.of([n])[0], other.of([n])[0]) for n in names}
-        return Shares({**self.by_effect, **bounded})
+        return replace(self, by_effect={**self.by_effect, **bounded})
+
+    def same(self, other: Shares, names: Sequence[str]) -> bool:
+        """Return whether another's are the same of the effects with some names, and of all sizes."""
+        alike = self.sizes == other.sizes and bool(self.by_effect) == bool(other.by_effect)
+        return alike and np.array_equal(self.of(names), other.of(names))
+
+    @property
+    def of_sizes(self) -> Shares:
+        """Those of whole laws alone: in form they are exact."""
+        return Shares(sizes=self.sizes)
 
 
 EXACT = Shares()
 
 
-def even_shares(names: Sequence[str], share: float) -> Shares:
-    """Return one share for all effects in all phases."""
-    return Shares({name: np.full(len(PHASE_NAMES), share) for name in names})
+def even_shares(names: Sequence[str], share: float, laws: Sequence[str] = ()) -> Shares:
+    """Return one share for all effects in all phases, and for the sizes of laws."""
+    return Shares({name: np.full(len(PHASE_NAMES), share) for name in names}, dict.fromkeys(laws, share))
 
 
 @dataclass(frozen=True)
 class OffCoefficients:
-    """Which coefficients say by how much effects are off: in which group (effect and phase), and how large they are
-    beside that group's share.
+    """Which coefficients say by how much effects are off: in which group (effect and phase, or size), and how large
+    they are beside that group's share.
 
     ``shared`` (D,) is the group of the last of the columns of all trials, ``beside`` (D,) their size; ``own`` (q,) that
     of every trial's own parameters, -1 where they say something else.
@@ -92,7 +109,7 @@ def likeliest_shares(
     for own, whitener, added in zip(fit.own, fit.whiteners, columns, strict=True):
         Z = np.column_stack([own.columns, own.mean_columns, whitener(added), own.residual_at_mean])
         products.append(Z.T @ Z)
-    shares = np.full(int(off.shared.max()) + 1, INEXACT)
+    shares = np.full(1 + max(int(groups.max(initial=-1)) for groups in (off.shared, *off.own)), INEXACT)
     ridge = np.append(np.concatenate([np.full(TISSUE_SIZE, DECADE**-2), known]), 0.0)
     for _ in range(MOST_ROUNDS):
         ridge[-1 - len(off.shared) : -1] = (off.beside * shares[off.shared]) ** -2.0

@@ -134,9 +134,10 @@ def remainder_of(account: Account, nothing: Account) -> Remainder:
 
 def _off(account: Account, bare: Account) -> float:
     """Return what part of the evidence over a bare account comes of granting that laws are off, all by one noise."""
-    if not account.inexact:
+    if not account.inexact.by_effect:
         return 0.0
-    of_granting = account.gain_over(account.exact.at_noise(account.fit.noise))[0]
+    in_form = (account.exact, account.exact.inexact_to(account.inexact.of_sizes))
+    of_granting = min(account.gain_over(a.at_noise(account.fit.noise))[0] for a in in_form)
     return max(of_granting, 0.0) / max(account.gain_over(bare)[0], 1e-12)
 
 

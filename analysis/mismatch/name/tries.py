@@ -46,7 +46,7 @@ def worth_trying(account: Account, nothing: Account, left: LeftOver, among: Coll
     few = len(account.fit.trials) < FEWEST_HELD_OUT
     worth = [promising(some, CLOSE * SURE * left.to_laws.sum(), few) for some in listed]
     lead: list[Option] = []
-    if account.inexact:
+    if account.inexact.by_effect:
         # what is missing may be what the laws are granted to be off for
         exact = account.exact
         settled = settled_columns(exact.fit, wanted)

@@ -100,7 +100,8 @@ def as_rival(
     told = all(size_is_told(refitted, law) for law in refitted.fit.shared.laws if law.name == name)
     if not told or not brings_itself(refitted, name):
         return []
-    itself, off = freed or explains_itself(refitted, account, gain, asked), refitted.granted_share(nothing)
+    itself = freed or explains_itself(refitted, account, gain, asked)
+    off = refitted.granted / max(refitted.gain_over(nothing)[0], 1e-12)
     return [Rival(name, gain, error, refitted.let_go(), may_be_left / SURE, off, itself)]
 
 

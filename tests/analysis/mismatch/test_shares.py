@@ -80,15 +80,29 @@ def test_a_law_is_another_where_it_is_off_by_a_third_and_gains_by_that(
     assert not is_off(cast(Account, replace(account, inexact=EXACT)), "arm", 1.0)
 
 
+@pytest.mark.parametrize(
+    ("share", "gained", "another"), [(ROUGH, 6000.0, True), (ROUGH, 700.0, False), (0.12, 6000.0, False)]
+)
+def test_a_law_whose_size_differs_by_a_third_from_trial_to_trial_is_another(
+    share: float, gained: float, another: bool
+) -> None:
+    """A charge that drains goes with the force of each trial, and was a drift of another rate in each."""
+    shares = Shares({}, {"drift": share})
+    account = _Off(23e3, shares, np.ones((1, len(PHASE_NAMES))), 0.0, of_sizes=gained)
+    assert is_off(cast(Account, account), "drift", 23e3) is another
+    assert not is_off(cast(Account, account), "arm", 23e3)
+
+
 @dataclass(frozen=True)
 class _Off:
-    """An account of an arm with evidence (nats), and what it is granted beyond that of an exact one."""
+    """An account of an arm with evidence (nats), and what it is granted beyond that of an exact one, or of one size."""
 
     nats: float
     inexact: Shares
     explained_by_phase: np.ndarray
     granted: float
     taken_as_exact: frozenset[str] = frozenset()
+    of_sizes: float = 0.0
 
     @property
     def may_be_off(self) -> tuple[str, ...]:
@@ -99,7 +113,8 @@ class _Off:
         return replace(self, nats=self.nats - self.granted, inexact=EXACT)
 
     def inexact_to(self, shares: Shares) -> _Off:
-        return replace(self, inexact=shares)
+        lost = self.of_sizes if self.inexact.sizes and not shares.sizes else 0.0
+        return replace(self, nats=self.nats - lost, inexact=shares)
 
     def gain_over(self, other: _Off) -> tuple[float, float]:
         return self.nats - other.nats, 0.0

@@ -142,7 +142,7 @@ class CellTrial:
 
         What a coarse converter made of it is undone.
         """
-        kept_mn = winsorised(force_mn, self.steady)
+        kept_mn = winsorised(force_mn, self.steady, self.levels.apart_mn if self.levels else 0.0)
         means_mn = np.add.reduceat(kept_mn, self.starts) / self.counts
         if self.levels is None:
             return means_mn

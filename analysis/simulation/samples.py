@@ -36,23 +36,30 @@ class Scatter:
     sigma_mn: float
 
 
-def deviations(force_mn: FloatArray, kept: NDArray[np.bool_]) -> Scatter:
-    """Return how the kept samples of a force (N,) scatter about their neighbours."""
+def deviations(force_mn: FloatArray, kept: NDArray[np.bool_], level_mn: float = 0.0) -> Scatter:
+    """Return how the kept samples of a force (N,) scatter about their neighbours.
+
+    A force on levels so far apart is known to their distance over sqrt(12), however seldom it goes from one to the next
+    (Widrow and Kollar, Quantization Noise, 2008).
+    """
     off = (force_mn - median_filter(force_mn, NEIGHBOURS, mode="nearest"))[kept]
+    if not off.size:
+        return Scatter(off, 1.0)
     # of few levels, as of a coarse converter, the median of the deviations may be none
-    sigma_mn = (
-        max(1.4826 * float(np.median(np.abs(off))), float(np.mean(np.abs(off))), 1e-12) if off.size else 1.0
-    )
+    usual = (1.4826 * float(np.median(np.abs(off))), float(np.mean(np.abs(off))), level_mn / np.sqrt(12.0))
+    sigma_mn = max(*usual, 1e-12)
     return Scatter(off / sigma_mn, sigma_mn)
 
 
-def winsorised(force_mn: FloatArray, kept: NDArray[np.bool_]) -> FloatArray:
+def winsorised(force_mn: FloatArray, kept: NDArray[np.bool_], level_mn: float = 0.0) -> FloatArray:
     """Return a force (N,) of which no kept sample is further off its neighbours' median than `FAR` deviations.
+
+    It may be on levels so far apart.
 
     The mean of a few samples of which one is in a heavy tail would look like something that happened there
     (Huber, Ann. Math. Statist. 35:73, 1964).
     """
-    scatter = deviations(force_mn, kept)
+    scatter = deviations(force_mn, kept, level_mn)
     # on a slope each is its neighbours' median: what it is off the line between two tells the noise there
     off_mn = force_mn[1:-1] - 0.5 * (force_mn[:-2] + force_mn[2:])
     of_line_mn = np.abs(off_mn[kept[1:-1]])

@@ -68,8 +68,14 @@ def _on_skin(fit: StudyFit) -> StudyFit:
 
 
 def _apart(fit: StudyFit, j: int) -> tuple[CellTrial, TrialState] | None:
-    """Return what is left of the j-th trial out of contact, as a trial that touches nothing; None if it always does."""
+    """Return what is left of the j-th trial out of contact, as a trial that touches nothing; None if it always does.
+
+    None, too, of a coarse converter: there the same reading may come again and again, or two by turns, as a force lies
+    on a level or between two.
+    """
     trial, state = fit.trials[j], fit.states[j]
+    if trial.levels is not None:
+        return None
     contact = np.abs(tissue_force(trial, state, fit.shared)) > 0.0
     touched = np.flatnonzero(contact)
     free: NDArray[np.bool_] = trial.fitted.copy()

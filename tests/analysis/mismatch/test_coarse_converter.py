@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from analysis.mismatch.fit.baseline import fit_baseline
+from analysis.mismatch.fit.noise import NoiseModel
 from analysis.mismatch.fit.study_fit import StudyFit
+from analysis.mismatch.locate.quiet import out_of_contact
 from analysis.mismatch.study.intake import take_in_memory
 from analysis.recordings.trial import Trial
 from analysis.simulation.cells import CellTrial
@@ -21,8 +23,8 @@ BLOCK = 64
 """Samples of which means are taken."""
 
 
-def _rounded(trial: Trial) -> Trial:
-    level_v = LEVEL_MN * abs(trial.calibration.volts_per_mn)
+def _rounded(trial: Trial, level_mn: float = LEVEL_MN) -> Trial:
+    level_v = level_mn * abs(trial.calibration.volts_per_mn)
     return replace(trial, force_v=level_v * np.round(trial.force_v / level_v))
 
 
@@ -59,3 +61,17 @@ def test_means_of_rounded_samples_are_those_of_noise(trials: Sequence[CellTrial]
     assert _beyond_white(known, known.full_residual_mn) < 1.5
     assert _beyond_white(known, known.unrounded_residual_mn) < 1.3
     assert _beyond_white(unknown, unknown.full_residual_mn) > 2.0
+
+
+def test_a_reading_that_hardly_ever_leaves_its_level_is_no_quiet_sensor(
+    record: Callable[..., list[Trial]],
+) -> None:
+    """Out of contact it comes again and again, and in a hold it goes from level to level: 380 nats had spoken for what
+    wanders in contact alone.
+    """
+    plans = study_plans(depths_mm=(0.3,), repeats=3, hold_s=1.0, dwell_s=0.4)
+    recorded = record(95, "[noise]\nforce_mn_rms = 0.26\n", plans)
+    wanders = NoiseModel(0.26, ((0.05, 0.0064),))
+    for level_mn in (0.01, 1.8):
+        fit = fit_baseline(take_in_memory([_rounded(t, level_mn) for t in recorded]).trials)
+        assert (out_of_contact(fit.weighed_by(wanders)).gain > 0.0) == (level_mn < 0.1)

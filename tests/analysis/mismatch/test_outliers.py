@@ -38,18 +38,19 @@ def test_noise_of_any_tail_holds_no_outliers(seed: int, kind: str) -> None:
 
 
 @settings(deadline=None)
-@given(st.integers(0, 10**6), st.sampled_from([3.1, 4.0, np.inf]), st.sampled_from([0.4, 1.0, 1.7, 2.5]))
+@given(st.integers(0, 10**6), st.sampled_from([3.1, 4.0, np.inf]), st.sampled_from([0.4, 1.0, 1.7, 2.5, 7.0]))
 def test_noise_on_the_levels_of_a_converter_holds_no_outliers(
     seed: int, freedom: float, level: float
 ) -> None:
     """Counted between any edges, tails on levels 1.7 deviations apart had up to 43 nats, and 331 on levels 2.5 apart;
-    between edges midway between levels none in 300 draws.
+    between edges midway between levels none in 300 draws. Where they are 7 apart, one away is far from what hardly
+    ever leaves its level, and 10,000 nats; none as a force is known to a level over sqrt(12).
     """
     random = np.random.default_rng(seed)
     noise = random.normal(size=N) if np.isinf(freedom) else random.standard_t(freedom, N)
     force_mn = 0.2 * level * np.round(noise / level)
     assert levels_apart(force_mn.astype(np.float32)) == pytest.approx(0.2 * level, rel=1e-5)
-    found = deviations(force_mn, np.ones(N, dtype=bool))
+    found = deviations(force_mn, np.ones(N, dtype=bool), 0.2 * level)
     assert tails(found.off, 0.2 * level / found.sigma_mn).evidence < ENOUGH_OWN
 
 

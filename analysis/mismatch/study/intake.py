@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 
 from analysis.errors import BadInputError
+from analysis.mismatch.study.held_force import held_for, held_note, with_readings
 from analysis.mismatch.study.repeats import with_conditions
 from analysis.recordings import read_trial
 from analysis.recordings.trial import Trial
@@ -105,6 +106,7 @@ def _reduce(
     punches_mm = _punches_mm(heads)
     with_command = [h for h in heads if h.command_v is not None]
     servo = fit_servo([load(h) for h in with_command[:SERVO_TRIALS]])
+    held = held_for([load(h) for h in heads[:SERVO_TRIALS]])
     cells: list[CellTrial] = []
     before_mm: float | None = None
     for order, head in enumerate(heads):
@@ -112,8 +114,8 @@ def _reduce(
         # where the rest is not known, nobody knows how much is left
         felt = (before_mm, rest_s) if before_mm is not None and rest_s is not None else None
         try:
-            trial = load(head)
-            motion = estimate_motion(trial, servo)
+            whole = load(head)
+            trial, motion = with_readings(whole, estimate_motion(whole, servo), held)
             reduced = reduce_trial(trial, motion, order=order, pressed_before=felt, hold_only=hold_only)
             cells.append(_under(reduced, head, punches_mm))
         except UNCOMPUTABLE as error:
@@ -135,7 +137,7 @@ def _reduce(
         tuple(left_out),
         servo,
         punches_mm[0] if punches_mm else None,
-        _notes(heads),
+        (*_notes(heads), *held_note(held)),
         setting,
         tuple((Path(h.path).name, h.log) for h in heads if h.source == "imported"),
     )

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
+from scipy.ndimage import gaussian_filter1d, shift
 from scipy.optimize import least_squares
 
 from analysis.recordings.trial import Trial
@@ -38,7 +38,9 @@ UNKNOWN_DRIVE = 30.0
 SMALLEST_NOISE_MM = 2e-4
 MOST_PIECES = 100
 STEPS_SHOW = 3.0
-"""Nats by which steps of the output, or of its converter, must explain the position better than lines: odds of 20."""
+"""Nats by which steps of the output, or of its converter, or a delay must explain the position better: odds of 20."""
+MOST_LATE_SAMPLES = 3.0
+"""Samples by which two converters may be apart."""
 SERVO_SAMPLES = 8
 """Fewest samples on either side of a kink: a recording with less in NEAR_KINK_S is too slow to show a servo."""
 
@@ -69,14 +71,17 @@ class FoundServo:
     """Natural frequency (rad/s) and damping ratio of the servo that explains recorded position best.
 
     ``of_lines`` is driven by lines from sample to sample, ``of_steps`` by a command that stands from one to the next,
-    as a card plays it; ``steps_show`` tells whether recordings say that it does. ``rounding_shows`` tells whether they
-    say that the arm follows the converter's steps of the recorded command; else the recorder's converter made them.
+    as a card plays it; ``steps_show`` tells whether recordings say that it does. ``of_late`` is driven by lines, and
+    read ``late_s`` later, where they say that it is; else that is 0. ``rounding_shows`` tells whether they say that the
+    arm follows the converter's steps of the recorded command; else the recorder's converter made them.
     """
 
     of_lines: tuple[float, float] = (DEFAULT_NATURAL_FREQUENCY_RAD_S, DEFAULT_DAMPING_RATIO)
     of_steps: tuple[float, float] = (DEFAULT_NATURAL_FREQUENCY_RAD_S, DEFAULT_DAMPING_RATIO)
     steps_show: bool = False
     rounding_shows: bool = False
+    of_late: tuple[float, float] = (DEFAULT_NATURAL_FREQUENCY_RAD_S, DEFAULT_DAMPING_RATIO)
+    late_s: float = 0.0
 
 
 NOMINAL_SERVO = FoundServo()
@@ -134,36 +139,54 @@ def fit_servo(trials: list[Trial]) -> FoundServo:
     if not pieces:
         return NOMINAL_SERVO
 
-    def residual(log_p: FloatArray, held: bool, straight: bool = False) -> FloatArray:
-        wn, zeta = np.exp(log_p)
+    def residual(p: FloatArray, held: bool, straight: bool = False) -> FloatArray:
+        wn, zeta, late_samples = np.exp(p[0]), np.exp(p[1]), p[2] if len(p) > 2 else 0.0
         out = []
         for as_recorded, as_lines, x, rate in pieces[:MOST_PIECES]:
             u = as_lines if straight else as_recorded
             lead = np.polynomial.polynomial.polyfit(np.arange(float(SERVO_SAMPLES)), u[:SERVO_SAMPLES], 1)
             ramp_in = lead[0] + lead[1] * np.arange(-200.0, 0.0)
-            model = follow(np.concatenate([ramp_in, u]), rate, wn, zeta, held=held).position_mm[200:]
-            r = x - model
+            model = follow(np.concatenate([ramp_in, u]), rate, wn, zeta, held=held).position_mm
+            r = x - later(model, late_samples)[200:]
             basis = np.column_stack([np.ones_like(u), u - u.mean()])
             out.append(r - basis @ np.linalg.lstsq(basis, r, rcond=None)[0])
         return np.concatenate(out) * 1e3
 
     start = np.log([DEFAULT_NATURAL_FREQUENCY_RAD_S, DEFAULT_DAMPING_RATIO])
-    bounds = (np.log([10.0, 0.1]), np.log([5.0e4, 5.0]))
+    lower, upper = np.log([10.0, 0.1]), np.log([5.0e4, 5.0])
     lines, steps = (
         least_squares(
-            residual, start, bounds=bounds, diff_step=[1e-3, 1e-3], max_nfev=15, kwargs={"held": held}
+            residual, start, bounds=(lower, upper), diff_step=[1e-3] * 2, max_nfev=15, kwargs={"held": held}
         )
         for held in (False, True)
+    )
+    late = least_squares(
+        residual,
+        np.append(start, 1.0),
+        bounds=(np.append(lower, 0.0), np.append(upper, MOST_LATE_SAMPLES)),
+        diff_step=[1e-3] * 3,
+        max_nfev=15,
+        kwargs={"held": False},
     )
 
     def likelier(cost: float, other: float) -> bool:
         return bool(0.5 * len(lines.fun) * np.log(max(other, 1e-300) / max(cost, 1e-300)) > STEPS_SHOW)
 
-    of_lines, of_steps = ((float(np.exp(best.x[0])), float(np.exp(best.x[1]))) for best in (lines, steps))
+    of_lines, of_steps, of_late = (
+        (float(np.exp(best.x[0])), float(np.exp(best.x[1]))) for best in (lines, steps, late)
+    )
     held = likelier(steps.cost, lines.cost)
     best = steps if held else lines
+    late_s = 0.0
+    if likelier(late.cost, best.cost):
+        held, best, late_s = False, late, float(late.x[2]) / min(rate for *_, rate in pieces)
     straight = 0.5 * float(np.sum(residual(best.x, held, straight=True) ** 2))
-    return FoundServo(of_lines, of_steps, held, likelier(best.cost, straight))
+    return FoundServo(of_lines, of_steps, held, likelier(best.cost, straight), of_late, late_s)
+
+
+def later(signal: FloatArray, samples: float, *, smooth: bool = True) -> FloatArray:
+    """Return a signal (N,) so many samples later: along a cubic spline if it is smooth, else along lines."""
+    return np.asarray(shift(signal, samples, order=3 if smooth else 1, mode="nearest")) if samples else signal
 
 
 def _servo_explains(recorded_mm: FloatArray, noise_mm: float, servo_mm: FloatArray) -> bool:
@@ -193,8 +216,11 @@ def estimate_motion(trial: Trial, servo: FoundServo = NOMINAL_SERVO) -> Motion:
             base, v = stepped.position_mm, stepped.velocity_mm_s
             a = np.diff(v, prepend=0.0) * rate
         else:
-            driven = follow(lines, rate, *servo.of_lines)
-            base, v, a = driven.position_mm, driven.velocity_mm_s, driven.acceleration_mm_s2
+            driven = follow(lines, rate, *(servo.of_late if servo.late_s else servo.of_lines))
+            samples = servo.late_s * rate
+            base = later(driven.position_mm, samples)
+            v = later(driven.velocity_mm_s, samples, smooth=False)
+            a = later(driven.acceleration_mm_s2, samples, smooth=False)
         before = stepped.acceleration_mm_s2 - a
         shake = np.column_stack([before, before + servo.of_steps[0] ** 2 * np.diff(lines, prepend=lines[0])])
     else:

@@ -73,9 +73,9 @@ def law_columns(trial: CellTrial, state: TrialState, shared: Shared) -> FloatArr
                 changed = with_value(shared, at, p, p.to_fit(law.values[p.name]) - h)
                 real = p.to_fit(changed.laws[at].values[p.name]) - p.to_fit(law.values[p.name])
             columns.append((simulate(trial, state, changed, own) - base) / (real or h))
-    # what the channels' delay changes stands last: as it is a straight line, by a whole sample
-    later = replace(shared, delay_samples=shared.delay_samples + 1.0)
-    columns.append(simulate(trial, state, later, own) - base)
+    # what the channels' delay changes stands last: by half a sample to either side, as samples have corners between
+    late, early = (replace(shared, delay_samples=shared.delay_samples + by) for by in (0.5, -0.5))
+    columns.append(simulate(trial, state, late, own) - simulate(trial, state, early, own))
     return np.column_stack(columns)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.mismatch.evidence.signflip import flip_test
+from analysis.mismatch.fit.law_fit import MOST_DELAY_SAMPLES
 from analysis.mismatch.levels import FEW_TRIALS
 from analysis.mismatch.locate.windows import PLACES, window_columns
 from analysis.simulation.cells import CellTrial
@@ -32,9 +33,10 @@ class PositionFinding:
     """What position given command says.
 
     ``p_value`` of the servo's signature; ``explained`` share of the repeatable position mismatch, where a servo shows,
-    that another servo takes away; ``noise_mm`` rms of a sample; ``profile_mm`` (B,) mean residual by bin without an
-    output's half sample, ``bin_p`` its p-values; ``standard_errors`` of ln(natural frequency) and ln(damping ratio),
-    ``lag_error`` of the logarithm of their lag, 2 zeta / wn, which is known far better than either.
+    that another servo takes away; ``noise_mm`` rms of a sample; ``profile_mm`` (B,) mean residual by bin without a
+    delay, ``bin_p`` its p-values; ``standard_errors`` of ln(natural frequency) and ln(damping ratio),
+    ``lag_error`` of the logarithm of their lag, 2 zeta / wn, which is known far better than either. ``late_s`` is the
+    delay that explains the position as well as another servo; 0 where one does better.
     """
 
     p_value: float
@@ -45,6 +47,7 @@ class PositionFinding:
     standard_errors: tuple[float, float]
     lag_error: float
     strength: float
+    late_s: float = 0.0
 
     @property
     def unknown_bins(self) -> NDArray[np.int64]:
@@ -72,7 +75,7 @@ def look_at_position(trials: Sequence[CellTrial], rng: np.random.Generator) -> P
         return None
     noise_mm = max(float(np.median([_noise_mm(t) for t in used])), 1e-6)
     lefts = [_beside_calibration(t, noise_mm) for t in used]
-    later_s = _later_s(lefts, min(t.sample_rate_hz for t in used))
+    later_s, late = _later_s(lefts, min(t.sample_rate_hz for t in used))
     scores, by_bin, grams, means, counts, laid, shown = [], [], [], [], [], [], np.zeros(OUTSIDE)
     squares, cells_in_all = 0.0, 0
     for t, left in zip(used, lefts, strict=True):
@@ -120,6 +123,7 @@ def look_at_position(trials: Sequence[CellTrial], rng: np.random.Generator) -> P
         standard_errors=(float(errors[0]), float(errors[1])),
         lag_error=float(np.sqrt(max(LAG @ inverse @ LAG, 0.0) * misfit)),
         strength=float(np.sqrt(max(gain, 0.0))),
+        late_s=later_s if late else 0.0,
     )
 
 
@@ -133,11 +137,22 @@ def _beside_calibration(trial: CellTrial, noise_mm: float) -> FloatArray:
     return np.asarray(stacked - A @ (A.T @ stacked))
 
 
-def _later_s(lefts: Sequence[FloatArray], rate_hz: float) -> float:
-    """Return how much later than its servo the position comes, at most the half sample of an output that steps, s."""
-    along = sum(float(left[:, 3] @ left[:, 3]) for left in lefts)
-    later = -sum(float(left[:, 0] @ left[:, 3]) for left in lefts)
-    return float(np.clip(later / max(along, 1e-30), 0.0, 0.5 / rate_hz))
+def _later_s(lefts: Sequence[FloatArray], rate_hz: float) -> tuple[float, bool]:
+    """Return how much later than its servo the position comes (s), and whether that tells it from another servo.
+
+    Two converters may be some samples apart, and a delay is one number where another servo has two: that must explain
+    the position better by more than a nat (Akaike, IEEE Trans. Autom. Control 19:716, 1974). Else what comes later does
+    so by no more than the half sample of an output that steps.
+    """
+    stacked = np.vstack(lefts)
+    r, G, v = stacked[:, 0], stacked[:, 1:3], stacked[:, 3]
+    along, later = float(v @ v), -float(v @ r)
+    later_s = float(np.clip(later / max(along, 1e-30), 0.0, MOST_DELAY_SAMPLES / rate_hz))
+    by_delay = later_s * (2.0 * later - later_s * along)
+    by_servo = float((G.T @ r) @ np.linalg.pinv(G.T @ G, rcond=1e-9, hermitian=True) @ (G.T @ r))
+    misfit = max((float(r @ r) - by_servo) / max(len(r), 1), 1.0)
+    late = later_s > 0.0 and by_servo - by_delay < 2.0 * misfit
+    return (later_s if late else min(later_s, 0.5 / rate_hz)), late
 
 
 def bins_of(trial: CellTrial) -> NDArray[np.int64]:

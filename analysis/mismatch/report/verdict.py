@@ -254,8 +254,7 @@ def _explained_share(diagnosis: Diagnosis) -> float:
 
 def _notes(diagnosis: Diagnosis, mechanisms: Sequence[FoundMechanism]) -> tuple[str, ...]:
     """Return what a reader must know beside the figures."""
-    fit = diagnosis.improved.fit
-    notes = []
+    fit, notes = diagnosis.improved.fit, []
     at_once = sum(
         t.touches and s.z0_mm <= t.begins_mm + BEGINS_IN_CONTACT * abs(t.depth_mm)
         for t, s in zip(fit.trials, fit.states, strict=True)
@@ -297,4 +296,5 @@ def _notes(diagnosis: Diagnosis, mechanisms: Sequence[FoundMechanism]) -> tuple[
         "out before anything else was looked at."
         for line in diagnosis.lines
     ]
-    return tuple(notes)
+    rate_hz = min(t.sample_rate_hz for t in diagnosis.intake.trials)
+    return (*wording.late(diagnosis.position, rate_hz), *notes)

@@ -22,7 +22,8 @@ def servo_named(diagnosis: Diagnosis) -> bool:
     A servo whose frequency stays unknown explains nothing: the drive is no such servo. One that lags by up to half a
     sample beyond the rig file's, within two errors, can't be told from an output that steps once a sample; none makes
     it lag less. Its lag is known far better than its frequency: to microseconds, as which converters are at one. Where
-    the position is off by more than half a micrometre there is more than that to tell.
+    the position is off by more than half a micrometre there is more than that to tell. Nor is it one if a delay of some
+    samples explains as much.
     """
     position = diagnosis.position
     wn, zeta = diagnosis.intake.servo.of_lines
@@ -33,7 +34,8 @@ def servo_named(diagnosis: Diagnosis) -> bool:
         return False
     error_s = lag_s * (position.lag_error if len(position.unknown_bins) else position.standard_errors[0])
     return (
-        position.p_value <= LEVEL
+        not position.late_s
+        and position.p_value <= LEVEL
         and position.explained >= SERVO_EXPLAINS
         and position.standard_errors[0] < SERVO_KNOWN
         and max(-later_s, later_s - 0.5 / rate_hz) > TWO_ERRORS * error_s

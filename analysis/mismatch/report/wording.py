@@ -8,6 +8,7 @@ import numpy as np
 
 from analysis.mismatch.levels import FEW_TRIALS, FEWEST_HELD_OUT
 from analysis.mismatch.locate.absorbed import Absorbed
+from analysis.mismatch.locate.position_channel import PositionFinding
 from analysis.mismatch.model.words import listed, spoken
 from analysis.mismatch.name.own_sizes import Quantity
 from analysis.mismatch.propose.proposal import NextExperiment
@@ -229,3 +230,14 @@ def _hidden_words(absorbed: Sequence[NotIdentifiable]) -> str:
     tissue = "could still hide in the fitted tissue"
     ways = listed(list(dict.fromkeys(separated_by(library()[a.name]) for a in absorbed[:3])), "or")
     return f"{_capital(names)} {tissue}; {ways} would show {'it' if len(absorbed) == 1 else 'them'}."
+
+
+def late(position: PositionFinding | None, rate_hz: float) -> tuple[str, ...]:
+    """Return what a reader must know of a position that comes later than by the half sample of an output that steps."""
+    late_s = position.late_s if position else 0.0
+    if late_s * rate_hz <= 0.5:
+        return ()
+    return (
+        f"The position comes {1e3 * late_s:.2g} ms later than the rig file's servo would have it: a delay of "
+        f"{late_s * rate_hz:.1f} samples explains that no worse than another servo.",
+    )

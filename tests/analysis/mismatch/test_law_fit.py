@@ -90,16 +90,16 @@ def test_what_a_trial_shows_nothing_of_stays_where_it_is(seed: int, scale: float
 
 
 def test_the_column_of_a_delay_is_its_difference(record: Callable[..., list[Trial]]) -> None:
-    """A delay changes the force in a straight line, however much of it there is, and not what is added to it."""
+    """By half a sample to either side; what is added to the force comes when it comes."""
     fit = fit_baseline(take_in_memory(record(47)).trials)
     trial, state = fit.trials[0], fit.states[0]
     added_mn = np.sin(40.0 * trial.time_s)
     state = state.with_shapes([OwnShape("block", "force", added_mn, 1.0)], 0.5)
     friction = library()["coulomb_friction"]
     laws = (Law(friction, {**friction.null, friction.amplitude: 2.0}, (friction.amplitude,)),)
-    late, later = (replace(fit.shared, laws=laws, delay_samples=d) for d in (0.9, 1.9))
-    changed_mn = simulate(trial, state, later) - simulate(trial, state, late)
-    np.testing.assert_allclose(law_columns(trial, state, late)[:, -1], changed_mn, atol=1e-9)
+    late, here, early = (replace(fit.shared, laws=laws, delay_samples=d) for d in (1.4, 0.9, 0.4))
+    changed_mn = simulate(trial, state, late) - simulate(trial, state, early)
+    np.testing.assert_allclose(law_columns(trial, state, here)[:, -1], changed_mn, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", ["power_law_relaxation", "third_relaxation", "poroelastic_drainage"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -62,6 +63,35 @@ def test_an_output_that_steps_is_not_taken_for_a_slower_servo(tmp_path: Path) ->
     assert found.steps_show
     assert found.of_steps == pytest.approx((wn, zeta), rel=0.05)
     assert found.of_lines[0] < 0.95 * wn
+
+
+@pytest.mark.parametrize("late_samples", [0.0, 1.3])
+def test_a_position_that_is_read_late_is_not_taken_for_a_slower_servo(
+    tmp_path: Path, late_samples: float
+) -> None:
+    """A servo that lags as much has other corners: the path through it was half a micrometre off there."""
+    random = np.random.default_rng(7)
+    rate_hz, wn, zeta, fine = 8000.0, 5000.0, 1.0, 16
+    time_s = np.arange(int(1.0 * rate_hz)) / rate_hz
+    corners_s = [0.0, 0.15, 0.2, 0.35, 0.4, 0.55, 0.6, 0.75, 0.8, 1.0]
+    tops = [0.0, 0.0, 0.5, 0.5, 0.0, 0.0, 0.5, 0.5, 0.0, 0.0]
+    often_s = np.arange(fine * len(time_s)) / (fine * rate_hz)
+    answer_mm = follow(np.interp(often_s, corners_s, tops), fine * rate_hz, wn, zeta).position_mm
+    read_mm = np.interp(time_s - late_samples / rate_hz, often_s, answer_mm)
+    command_mm = np.interp(time_s, corners_s, tops)
+    table = np.column_stack([time_s, read_mm, 100.0 * command_mm, command_mm])
+    names = "time_s,position_mm,force_mn,command_mm"
+    np.savetxt(tmp_path / "late.csv", table, delimiter=",", header=names, comments="")
+    (imported,), _ = import_recordings([tmp_path / "late.csv"], tmp_path / "trials", "ramp_hold_retract")
+    trial = read_trial(imported.path)
+    noise_v = 1e-4 * trial.calibration.volts_per_mm * random.normal(size=(10, len(time_s)))
+    trials = [replace(trial, position_v=trial.position_v + noise) for noise in noise_v]
+    found = fit_servo(trials)
+    # seed fixed; standard errors of 0.04 samples and a thirtieth, so that five of them are allowed
+    assert found.late_s * rate_hz == pytest.approx(late_samples, abs=0.2)
+    assert (found.of_late if found.late_s else found.of_lines) == pytest.approx((wn, zeta), rel=0.15)
+    path_mm = estimate_motion(trials[0], found).position_mm
+    assert np.abs(path_mm - read_mm).max() < 2e-4
 
 
 def test_an_arm_is_shaken_before_and_after_its_output_steps(tmp_path: Path) -> None:

@@ -39,8 +39,8 @@ SMALLEST_NOISE_MM = 2e-4
 MOST_PIECES = 100
 STEPS_SHOW = 3.0
 """Nats by which steps of the output, or of its converter, or a delay must explain the position better: odds of 20."""
-MOST_LATE_SAMPLES = 3.0
-"""Samples by which two converters may be apart."""
+MOST_DELAY_SAMPLES = 3.0
+"""More is no delay of two converters, however much the recordings ask for it: an inertia looks like one."""
 SERVO_SAMPLES = 8
 """Fewest samples on either side of a kink: a recording with less in NEAR_KINK_S is too slow to show a servo."""
 
@@ -138,16 +138,17 @@ def fit_servo(trials: list[Trial]) -> FoundServo:
             pieces.append((u, straight_mm[lo:hi], trial.position_mm[lo:hi], trial.sample_rate_hz))
     if not pieces:
         return NOMINAL_SERVO
+    slowest_hz = min(rate for *_, rate in pieces)
 
     def residual(p: FloatArray, held: bool, straight: bool = False) -> FloatArray:
-        wn, zeta, late_samples = np.exp(p[0]), np.exp(p[1]), p[2] if len(p) > 2 else 0.0
+        wn, zeta, late_s = np.exp(p[0]), np.exp(p[1]), p[2] / slowest_hz if len(p) > 2 else 0.0
         out = []
         for as_recorded, as_lines, x, rate in pieces[:MOST_PIECES]:
             u = as_lines if straight else as_recorded
             lead = np.polynomial.polynomial.polyfit(np.arange(float(SERVO_SAMPLES)), u[:SERVO_SAMPLES], 1)
             ramp_in = lead[0] + lead[1] * np.arange(-200.0, 0.0)
             model = follow(np.concatenate([ramp_in, u]), rate, wn, zeta, held=held).position_mm
-            r = x - later(model, late_samples)[200:]
+            r = x - later(model, late_s * rate)[200:]
             basis = np.column_stack([np.ones_like(u), u - u.mean()])
             out.append(r - basis @ np.linalg.lstsq(basis, r, rcond=None)[0])
         return np.concatenate(out) * 1e3
@@ -163,7 +164,7 @@ def fit_servo(trials: list[Trial]) -> FoundServo:
     late = least_squares(
         residual,
         np.append(start, 1.0),
-        bounds=(np.append(lower, 0.0), np.append(upper, MOST_LATE_SAMPLES)),
+        bounds=(np.append(lower, 0.0), np.append(upper, MOST_DELAY_SAMPLES)),
         diff_step=[1e-3] * 3,
         max_nfev=15,
         kwargs={"held": False},
@@ -179,7 +180,7 @@ def fit_servo(trials: list[Trial]) -> FoundServo:
     best = steps if held else lines
     late_s = 0.0
     if likelier(late.cost, best.cost):
-        held, best, late_s = False, late, float(late.x[2]) / min(rate for *_, rate in pieces)
+        held, best, late_s = False, late, float(late.x[2]) / slowest_hz
     straight = 0.5 * float(np.sum(residual(best.x, held, straight=True) ** 2))
     return FoundServo(of_lines, of_steps, held, likelier(best.cost, straight), of_late, late_s)
 

@@ -231,7 +231,7 @@ class Account:
     @cached_property
     def sized(self) -> Account:
         """The account with its laws exact in form, but each as large in every trial as the site or the day has it."""
-        exact, shares = self.exact, (self.inexact or self.shares).of_sizes
+        exact, shares = self.exact, self.shares.of_sizes
         return exact.off_by(shares) if shares and exact.inexact_to(shares).nats > exact.nats else exact
 
     @cached_property

@@ -22,13 +22,12 @@ from analysis.mismatch.model.effects import (
 )
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.mechanism import Parameter
+from analysis.simulation.motion import MOST_DELAY_SAMPLES
 
 FloatArray = NDArray[np.float64]
 
 DELAY_SAMPLES = 1.0
 """How well two channels are at one, samples: a sample or so of skew is no lag of the sensor."""
-MOST_DELAY_SAMPLES = 3.0
-"""More of it is none of two converters, however much the recordings ask for it: an inertia looks like a delay."""
 STEP = 1e-5
 """Of a finite difference: where laws and tissue trade, what tells them is a thousandth of what each changes."""
 ROUNDS = 10

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.mismatch.evidence.signflip import flip_test
-from analysis.mismatch.fit.law_fit import MOST_DELAY_SAMPLES
 from analysis.mismatch.levels import FEW_TRIALS
 from analysis.mismatch.locate.windows import PLACES, window_columns
 from analysis.simulation.cells import CellTrial
+from analysis.simulation.motion import MOST_DELAY_SAMPLES
 
 FloatArray = NDArray[np.float64]
 

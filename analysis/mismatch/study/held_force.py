@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import fields, replace
 from typing import TypeVar
 
@@ -25,7 +25,7 @@ FEWEST = 100
 """Values that are told from chance: means of so many changes differ by a fifth, of noise with heavy tails by more."""
 
 
-def held_for(trials: Sequence[Trial]) -> int:
+def held_for(trials: Iterable[Trial]) -> int:
     """Return for how many samples a force is held before it is given anew, in all trials; 1 where it never is."""
     return min((_held(trial.force_v) for trial in trials if trial.native is None), default=1)
 

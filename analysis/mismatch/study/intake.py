@@ -106,7 +106,7 @@ def _reduce(
     punches_mm = _punches_mm(heads)
     with_command = [h for h in heads if h.command_v is not None]
     servo = fit_servo([load(h) for h in with_command[:SERVO_TRIALS]])
-    held = held_for([load(h) for h in heads[:SERVO_TRIALS]])
+    held = held_for(load(h) for h in heads[:SERVO_TRIALS])
     cells: list[CellTrial] = []
     before_mm: float | None = None
     for order, head in enumerate(heads):

@@ -17,7 +17,6 @@ from analysis.mismatch.evidence.itself import brings_itself
 from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.fit.law_fit import (
     LARGEST_TISSUE_STEP,
-    MOST_DELAY_SAMPLES,
     STEP,
     bounded_step,
     law_columns,
@@ -36,6 +35,7 @@ from analysis.mismatch.name.own_sizes import SIZE_INEXACT
 from analysis.mismatch.study.intake import take_in_memory
 from analysis.recordings.trial import Trial
 from analysis.simulation.mechanism import Mechanism, library
+from analysis.simulation.motion import MOST_DELAY_SAMPLES
 from sim_hardware.concealment.offline import study_plans
 
 CELLS = 60

@@ -11,7 +11,7 @@ from scipy.ndimage import median_filter
 from scipy.stats import gamma
 
 from analysis.mismatch.fit.study_fit import StudyFit, sampled_alike
-from analysis.mismatch.levels import FEWEST_HELD_OUT, LINE_LEVEL
+from analysis.mismatch.levels import FEWEST_HELD_OUT, KEPT, LINE_LEVEL
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.mechanism import library
 
@@ -29,12 +29,16 @@ MAINS_WITHIN = 0.01
 
 @dataclass(frozen=True)
 class Line:
-    """A tone that every trial has, its phase new in each: frequency (Hz), amplitude (mN) with error, chance of it."""
+    """A tone that every trial has, its phase new in each: frequency (Hz), amplitude (mN) with error, chance of it.
+
+    ``of_position_mn`` is its amplitude in the force that the recorded motion makes: a tone of the position's sensor.
+    """
 
     frequency_hz: float
     amplitude_mn: float
     amplitude_se_mn: float
     p_value: float
+    of_position_mn: float = 0.0
 
     @property
     def rms_mn(self) -> float:
@@ -43,7 +47,7 @@ class Line:
 
     @property
     def name(self) -> str:
-        """The mechanism's name where it is the mains or a harmonic; empty otherwise."""
+        """The mechanism's name where it is the mains or a harmonic, and most of it the force's own; empty otherwise."""
         m = library()["mains_hum"]
         p = m.parameter("frequency_hz")
         harmonic = any(
@@ -51,7 +55,8 @@ class Line:
             for f in MAINS_HZ
             for n in range(1, 9)
         )
-        return m.name if harmonic and p.lower <= self.frequency_hz <= p.upper else ""
+        of_force = self.of_position_mn**2 <= (1.0 - KEPT) * self.amplitude_mn**2
+        return m.name if harmonic and of_force and p.lower <= self.frequency_hz <= p.upper else ""
 
 
 def find_lines(fit: StudyFit) -> list[Line]:
@@ -64,15 +69,15 @@ def find_lines(fit: StudyFit) -> list[Line]:
     if not sampled_alike(fit.trials):
         return []
     rate = fit.trials[0].sample_rate_hz
-    stretches = [s for j in range(len(fit.trials)) if (s := _at_rest(fit, j)) is not None]
-    if not stretches:
+    at_rest = {j: s for j, trial in enumerate(fit.trials) if (s := _at_rest(trial, len(fit.trials)))}
+    if not at_rest:
         return []
-    n = min(len(s) for s in stretches)
+    n = min(s.stop - s.start for s in at_rest.values())
     if n < SHORTEST_S * rate or rate < 4.0 * LOWEST_HZ:
         return []
-    window = np.hanning(n)
-    window *= np.sqrt(n / float(window @ window))
-    spectra = np.array([np.abs(np.fft.rfft((s[:n] - s[:n].mean()) * window)) ** 2 / n for s in stretches])
+    stretches = [fit.full_residual_mn(j)[s][:n] for j, s in at_rest.items()]
+    of_motion = [fit.trials[j].at_samples(fit.force_mn(j))[s][:n] for j, s in at_rest.items()]
+    spectra, made = _spectra(stretches), _spectra(of_motion)
     frequency = np.fft.rfftfreq(n, 1.0 / rate)
     rounding = ROUNDING * max(float(np.abs(t.full_force_mn).max()) for t in fit.trials)
     local = np.array([median_filter(s, BACKGROUND, mode="nearest") for s in spectra]) / np.log(2.0)
@@ -97,25 +102,37 @@ def find_lines(fit: StudyFit) -> list[Line]:
         )
         # a Hann window leaves all of a line's power A^2 N / 4 in its neighbourhood
         size = np.sqrt(4.0 * excess / n)
+        smooth = np.median(made[:, max(0, k - BACKGROUND // 2) : k + BACKGROUND // 2], axis=1)
+        of_position = np.sqrt(4.0 * np.maximum((made[:, near] - smooth[:, None]).sum(axis=1), 0.0) / n)
         error = (
             float(np.std(size) / np.sqrt(len(size)))
             if len(size) > 1
             else float(np.sqrt(4.0 * local[:, k].mean() / n))
         )
-        found.append(Line(centre, float(np.sqrt(np.mean(size**2))), error, float(min(p[k], 1.0))))
+        amplitude_mn, of_position_mn = (float(np.sqrt(np.mean(a**2))) for a in (size, of_position))
+        found.append(Line(centre, amplitude_mn, error, float(min(p[k], 1.0)), of_position_mn))
     return found
 
 
-def _at_rest(fit: StudyFit, j: int) -> FloatArray | None:
-    """Return a trial's residual at rest; in the air in motion too, if there are more: one may have lines of its own."""
-    trial = fit.trials[j]
-    for name in ("hold", "sweep", "dwell") if len(fit.trials) >= FEWEST_HELD_OUT else ("hold", "dwell"):
+def _spectra(stretches: Sequence[FloatArray]) -> FloatArray:
+    """Return the periodograms (S, F) of stretches of one length, through a Hann window."""
+    signals = np.array(stretches)
+    n = signals.shape[1]
+    window = np.hanning(n)
+    window *= np.sqrt(n / float(window @ window))
+    centred = signals - signals.mean(axis=1, keepdims=True)
+    return np.asarray(np.abs(np.fft.rfft(centred * window)) ** 2 / n)
+
+
+def _at_rest(trial: CellTrial, n_trials: int) -> slice | None:
+    """Return where a trial rests; in the air moves too, if there are more: one may have lines of its own."""
+    for name in ("hold", "sweep", "dwell") if n_trials >= FEWEST_HELD_OUT else ("hold", "dwell"):
         cells = np.flatnonzero(trial.in_phase(name))
         if len(cells) > 4:
             a, b = int(trial.starts[cells[0]]), int(trial.starts[cells[-1]])
             a += round(0.1 * trial.sample_rate_hz)
             if b - a >= SHORTEST_S * trial.sample_rate_hz:
-                return fit.full_residual_mn(j)[a:b]
+                return slice(a, b)
     return None
 
 

@@ -115,7 +115,10 @@ class Separation:
         Never above the root of their number however strong the difference is: flips trust no noise, and pay for it.
         """
         e = self.energy
-        return float(e.sum() / np.sqrt(max(float((e**2 + e).sum()), 1e-300)))
+        most = max(float(e.max()), 1e-150)
+        # in units of the largest: what a law does far from where it was fitted may be beyond any square
+        shares = e / most
+        return float(shares.sum() / np.sqrt(max(float((shares**2 + shares / most).sum()), 1e-300)))
 
     def can_show(self, critical: float) -> bool:
         """Whether the trials could make it significant: by flips, or, where enough speak of it, by a t."""

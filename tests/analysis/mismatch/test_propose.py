@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.mismatch.propose.planned import PlannedTrial, planned_cells
+from analysis.mismatch.propose.separation import Separation
 from rig.settings.reading import check_protocol_on_rig, parse_protocol, parse_rig
 
 
@@ -37,3 +38,12 @@ def test_planned_trials_have_their_phases(kind: str) -> None:
         assert cells.z0_start_mm == pytest.approx(plan.z0_mm, abs=0.01)
         ramp = np.abs(cells.velocity_mm_s[cells.in_phase("ramp")])
         assert np.median(ramp) == pytest.approx(plan.ramp_speed_mm_s, rel=0.01)
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e200])
+def test_flips_of_any_difference_are_no_more_than_the_root_of_their_number(size: float) -> None:
+    """A law that is far from where it was fitted may be beyond any square."""
+    e = size * np.array([1.0, 2.0, 3.0, 4.0])
+    of_flips = Separation(gg=e, Jg=np.zeros((4, 1)), JJ=np.zeros((4, 1, 1)), known=np.eye(1))
+    expected = 10.0 / np.sqrt(30.0 + 10.0 / size)
+    assert of_flips.flip_statistic == pytest.approx(expected, rel=1e-9)

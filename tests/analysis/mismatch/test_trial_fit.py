@@ -11,11 +11,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
+from analysis.errors import BadInputError
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit import study_fit
 from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.fit.law_fit import centred, fit_laws
 from analysis.mismatch.fit.own import force_columns
+from analysis.mismatch.fit.start import start_tissue
 from analysis.mismatch.fit.study_fit import with_own_values
 from analysis.mismatch.fit.trial_fit import bounded, fit_trial
 from analysis.mismatch.model.effects import Law, Shared, simulate
@@ -208,3 +210,11 @@ def test_a_size_far_from_that_of_its_site_is_approached_step_by_step(
     for state in found.states:
         # the line alone would multiply the size by more than a number can hold
         assert 0.0 < state.coefficients[0] < np.log(100.0 / 0.1)
+
+
+def test_no_tissue_begins_where_no_trial_comes(record: Callable[..., list[Trial]]) -> None:
+    """Beside other laws contacts may be sent anywhere: that is said, and no arithmetic fails."""
+    trials = take_in_memory(record(47)).trials
+    beyond_mm = [float(t.position_mm.max()) + 1.0 for t in trials]
+    with pytest.raises(BadInputError, match="nothing to compare"):
+        start_tissue(trials, beyond_mm, [t.force_mn for t in trials])

@@ -64,8 +64,9 @@ class CellTrial:
     first sample it ended (s). ``study_depth_mm`` is the largest depth of all trials that are compared (in the air: the
     travel). ``lever`` tells whether the tip is that of a lever arm. ``finger`` is whose and which finger, as far as was
     stated. ``punch_ratio`` is the diameter of its flat punch over that of the study's.
-    ``levels`` are those to which a coarse converter rounded the force. ``position_error_mm`` is what smoothing left of
-    the position's noise ``position_noise_mm``, ``beside_servo_mm`` what of the position no servo explains.
+    ``late_samples`` is how much later the position was read than its servo answered. ``levels`` are those to which a
+    coarse converter rounded the force. ``position_error_mm`` is what smoothing left of the position's noise
+    ``position_noise_mm``, ``beside_servo_mm`` what of the position no servo explains.
     ``if_noise_lasts`` is where the tip was if what wanders beside a servo's answer is the sensor's; None if that is
     nothing else.
     """
@@ -106,6 +107,7 @@ class CellTrial:
     if_noise_lasts: CellPath | None = None
     fitted: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
     uneven_s: FloatArray | None = None
+    late_samples: float = 0.0
 
     @cached_property
     def full_time_s(self) -> FloatArray:

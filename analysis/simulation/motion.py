@@ -40,7 +40,7 @@ MOST_PIECES = 100
 STEPS_SHOW = 3.0
 """Nats by which steps of the output, or of its converter, or a delay must explain the position better: odds of 20."""
 MOST_DELAY_SAMPLES = 3.0
-"""More is no delay of two converters, however much the recordings ask for it: an inertia looks like one."""
+"""A position that is read later than that is late by more than converters are."""
 SERVO_SAMPLES = 8
 """Fewest samples on either side of a kink: a recording with less in NEAR_KINK_S is too slow to show a servo."""
 

@@ -42,7 +42,8 @@ def fit_baseline(trials: Sequence[CellTrial], *, ideal_step: bool = False) -> St
         TrialState(mean if t.kind == "ramp_hold_retract" else nothing, t.z0_start_mm, t.offset_start_mn)
         for t in trials
     )
-    shared = Shared((), start_rigid(trials), ideal_step)
+    late_samples = max(t.late_samples for t in trials)
+    shared = Shared((), start_rigid(trials), ideal_step, late_samples=late_samples)
     states = tuple(_with_block(t, s) for t, s in zip(trials, states, strict=True))
     white = max(float(np.median([sample_noise(t.full_force_mn.astype(np.float64)) for t in trials])), 1e-12)
     noise = NoiseModel(white, ((FIRST_SLOW[0] * white**2, FIRST_SLOW[1]),))

@@ -22,7 +22,6 @@ from analysis.mismatch.model.effects import (
 )
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.mechanism import Parameter
-from analysis.simulation.motion import MOST_DELAY_SAMPLES
 
 FloatArray = NDArray[np.float64]
 
@@ -98,8 +97,7 @@ def at_vector(shared: Shared, values: FloatArray) -> Shared:
         for p in law.parameters:
             shared = with_value(shared, at, p, float(values[k]))
             k += 1
-    delay_samples = float(np.clip(values[k], -MOST_DELAY_SAMPLES, MOST_DELAY_SAMPLES))
-    return replace(shared, delay_samples=delay_samples)
+    return replace(shared, delay_samples=float(np.clip(values[k], *shared.delay_ends)))
 
 
 def law_prior(laws: Sequence[Law]) -> tuple[FloatArray, FloatArray]:
@@ -155,7 +153,7 @@ def with_room(shared: Shared) -> FloatArray:
     """
     parameters = [(p, law.values[p.name]) for law in shared.laws for p in law.parameters]
     ended = [any(at_ends(p, value)) for p, value in parameters]
-    return 1.0 - np.array([*ended, abs(shared.delay_samples) >= MOST_DELAY_SAMPLES])
+    return 1.0 - np.array([*ended, shared.delay_samples in shared.delay_ends])
 
 
 def fit_laws(fit: StudyFit, rounds: int = ROUNDS) -> StudyFit:
@@ -245,7 +243,7 @@ def _largest_steps(shared: Shared, room: FloatArray) -> tuple[FloatArray, FloatA
     """Return how far down and up (5 + P,) tissue and free parameters may go in one step."""
     values = vector(shared)
     ends = [p.ends for law in shared.laws for p in law.parameters]
-    ends.append((-MOST_DELAY_SAMPLES, MOST_DELAY_SAMPLES))
+    ends.append(shared.delay_ends)
     logarithmic = [p.scale == "log" for law in shared.laws for p in law.parameters]
     most = np.where([*logarithmic, False], LARGEST_LOG_STEP, np.inf)
     lower = np.minimum(np.maximum(np.array([e[0] for e in ends]) - values, -most), 0.0)

@@ -178,6 +178,8 @@ class Shared:
     """What all trials share: the laws that were added, the stiffness of a block, the textbook's ideal step.
 
     ``delay_samples`` is how much later than the position the force is sampled: two converters are never quite at one.
+    It is within a sample, but that the position comes ``late_samples`` late. More is none of two converters, however
+    much recordings ask for it: an inertia looks like a delay.
     ``averaged``: where contact ends within a cell the force is the mean over it, as of a card that averages.
     """
 
@@ -186,6 +188,12 @@ class Shared:
     ideal_step: bool = False
     delay_samples: float = 0.0
     averaged: bool = False
+    late_samples: float = 0.0
+
+    @property
+    def delay_ends(self) -> tuple[float, float]:
+        """The least and the most that the force's delay may be, samples."""
+        return -1.0 - self.late_samples, 1.0
 
 
 def values_here(law: Law, state: TrialState) -> Values:

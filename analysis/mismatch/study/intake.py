@@ -117,7 +117,8 @@ def _reduce(
             whole = load(head)
             trial, motion = with_readings(whole, estimate_motion(whole, servo), held)
             reduced = reduce_trial(trial, motion, order=order, pressed_before=felt, hold_only=hold_only)
-            cells.append(_under(reduced, head, punches_mm))
+            late_samples = servo.late_s * trial.sample_rate_hz
+            cells.append(_under(replace(reduced, late_samples=late_samples), head, punches_mm))
         except UNCOMPUTABLE as error:
             left_out.append(
                 f"{Path(head.path).name}: motion and contact can't be told from its samples ({error})"

@@ -35,7 +35,6 @@ from analysis.mismatch.name.own_sizes import SIZE_INEXACT
 from analysis.mismatch.study.intake import take_in_memory
 from analysis.recordings.trial import Trial
 from analysis.simulation.mechanism import Mechanism, library
-from analysis.simulation.motion import MOST_DELAY_SAMPLES
 from sim_hardware.concealment.offline import study_plans
 
 CELLS = 60
@@ -60,8 +59,8 @@ def test_a_step_is_the_best_that_keeps_within_all_bounds(seed: int) -> None:
     room = np.append(np.full(TISSUE_SIZE - 1, -np.inf), -random.uniform(0.0, LARGEST_TISSUE_STEP))
     step = bounded_step(shared, (X.T @ X) / np.outer(scale, scale), (X.T @ y) / scale, scale, room)
     tissue = np.full(TISSUE_SIZE, LARGEST_TISSUE_STEP)
-    lower = np.concatenate([np.maximum(-tissue, room), -now[:2], [-MOST_DELAY_SAMPLES]])
-    upper = np.concatenate([tissue, [np.inf, np.inf], [MOST_DELAY_SAMPLES]])
+    lower = np.concatenate([np.maximum(-tissue, room), -now[:2], [shared.delay_ends[0]]])
+    upper = np.concatenate([tissue, [np.inf, np.inf], [shared.delay_ends[1]]])
     best = minimize(
         lambda x: 0.5 * float(np.sum((X @ x - y) ** 2)),
         np.zeros(len(wanted)),

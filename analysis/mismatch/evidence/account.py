@@ -222,9 +222,9 @@ class Account:
 
         What laws leave over by being off has passed for slow noise until then, and bent the tissue.
         """
+        if not self.shares or self.inexact_to(self.shares).nats <= self.nats or self.rough.nats <= self.nats:
+            return self
         whole = max(self, self.sized, key=lambda a: a.nats)
-        if not self.shares or self.inexact_to(self.shares).nats <= whole.nats:
-            return whole
         granted = self.rough.nats - whole.nats
         return replace(self.rough, granted=granted) if granted > 0.0 else whole
 

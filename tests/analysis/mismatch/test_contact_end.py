@@ -48,7 +48,7 @@ def _averaged(trial: Trial) -> Trial:
 def test_the_end_of_contact_averaged_over_a_sample_is_no_adhesion(
     record: Callable[..., list[Trial]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    plans = study_plans(depths_mm=(0.4, 0.7), repeats=5, hold_s=2.0, dwell_s=0.4, retract_speed_mm_s=20.0)
+    plans = study_plans(depths_mm=(0.4, 0.7), repeats=5, hold_s=2.0, dwell_s=0.4, retract_speed_mm_s=25.0)
     fit = fit_baseline(take_in_memory([_averaged(t) for t in record(92, plans=plans)]).trials)
     law = Law(library()["adhesion"], {**library()["adhesion"].typical, "pull_off_mn": 0.3}, ("pull_off_mn",))
     clinging = with_own_values(replace(fit, shared=replace(fit.shared, laws=(law,))))

@@ -75,19 +75,23 @@ def look_at_position(trials: Sequence[CellTrial], rng: np.random.Generator) -> P
         return None
     noise_mm = max(float(np.median([_noise_mm(t) for t in used])), 1e-6)
     lefts = [_beside_calibration(t, noise_mm) for t in used]
-    later_s, late = _later_s(lefts, min(t.sample_rate_hz for t in used))
-    scores, by_bin, grams, means, counts, laid, shown = [], [], [], [], [], [], np.zeros(OUTSIDE)
-    squares, cells_in_all = 0.0, 0
+    gram = np.sum([left[:, 1:3].T @ left[:, 1:3] for left in lefts], axis=0)
+    total = np.sum([left[:, 1:3].T @ left[:, 0] for left in lefts], axis=0)
+    inverse = np.linalg.pinv(gram, rcond=1e-9, hermitian=True)
+    gain = float(total @ inverse @ total)
+    squares = sum(float(left[:, 0] @ left[:, 0]) for left in lefts)
+    # what another servo leaves as well tells how well a servo describes this drive at all
+    misfit = max((squares - gain) / max(sum(map(len, lefts)), 1), 1.0)
+    later_s, late = _later_s(lefts, min(t.sample_rate_hz for t in used), gain, misfit)
+    scores, by_bin, means, counts, laid, shown = [], [], [], [], [], np.zeros(OUTSIDE)
     for t, left in zip(used, lefts, strict=True):
         r, G = left[:, 0], left[:, 1:3]
         unexplained = r + later_s * left[:, 3]
-        squares, cells_in_all = squares + float(r @ r), cells_in_all + len(r)
         bins = bins_of(t)
         blocks = max(1, len(r) // BLOCK_CELLS) if len(used) < FEW_TRIALS else 1
         for part in np.array_split(np.arange(len(r)), blocks):
             scores.append(G[part].T @ r[part])
             by_bin.append(np.bincount(bins[part], weights=unexplained[part], minlength=OUTSIDE + 1)[:OUTSIDE])
-        grams.append(G.T @ G)
         cells = np.bincount(bins, minlength=OUTSIDE + 1)[:OUTSIDE]
         by_cell = np.bincount(bins, weights=r, minlength=OUTSIDE + 1)[:OUTSIDE]
         laid.append(by_cell / np.sqrt(np.maximum(cells, 1)))
@@ -95,8 +99,6 @@ def look_at_position(trials: Sequence[CellTrial], rng: np.random.Generator) -> P
         mean_mm = unexplained * noise_mm * np.sqrt(t.counts)
         means.append(np.bincount(bins, weights=mean_mm, minlength=OUTSIDE + 1)[:OUTSIDE])
         counts.append(np.bincount(bins, weights=t.counts, minlength=OUTSIDE + 1)[:OUTSIDE])
-    gram = np.sum(grams, axis=0)
-    total = np.sum(scores, axis=0)
     # both directions of the servo's two parameters, made orthogonal to each other
     values, vectors = np.linalg.eigh(gram)
     keep = values > 1e-9 * max(float(values.max()), 1e-30)
@@ -104,15 +106,11 @@ def look_at_position(trials: Sequence[CellTrial], rng: np.random.Generator) -> P
     flips = np.hstack([turned, np.array(by_bin)])
     p_values = flip_test(flips, np.zeros(flips.shape[1], dtype=bool), rng).p_value
     m = int(keep.sum())
-    inverse = np.linalg.pinv(gram, rcond=1e-9, hermitian=True)
-    gain = float(total @ inverse @ total)
     # what repeats, and where a servo shows: all that is beyond the noise would be the converters' steps at rest, and
     # what the noise is misjudged by
     repeats = repeatable_energy(np.array(laid), [t.condition for t in used])
     excess = max(float(repeats[shown > SERVO_SHOWS * shown.max()].sum()), gain, 1e-9)
     all_counts = np.maximum(np.sum(counts, axis=0), 1.0)
-    # what another servo leaves as well tells how well a servo describes this drive at all
-    misfit = max((squares - gain) / max(cells_in_all, 1), 1.0)
     errors = np.sqrt(np.maximum(np.diag(inverse), 0.0) * misfit)
     return PositionFinding(
         p_value=float(p_values[:m].min()) if m else 1.0,
@@ -137,20 +135,19 @@ def _beside_calibration(trial: CellTrial, noise_mm: float) -> FloatArray:
     return np.asarray(stacked - A @ (A.T @ stacked))
 
 
-def _later_s(lefts: Sequence[FloatArray], rate_hz: float) -> tuple[float, bool]:
+def _later_s(
+    lefts: Sequence[FloatArray], rate_hz: float, by_servo: float, misfit: float
+) -> tuple[float, bool]:
     """Return how much later than its servo the position comes (s), and whether that tells it from another servo.
 
-    Two converters may be some samples apart, and a delay is one number where another servo has two: that must explain
-    the position better by more than a nat (Akaike, IEEE Trans. Autom. Control 19:716, 1974). Else what comes later does
-    so by no more than the half sample of an output that steps.
+    Two converters may be some samples apart, and a delay is one number where another servo, which gains ``by_servo``,
+    has two: that must explain the position better by more than a nat (Akaike, IEEE Trans. Autom. Control 19:716, 1974).
+    Else what comes later does so by no more than the half sample of an output that steps.
     """
-    stacked = np.vstack(lefts)
-    r, G, v = stacked[:, 0], stacked[:, 1:3], stacked[:, 3]
-    along, later = float(v @ v), -float(v @ r)
+    along = sum(float(left[:, 3] @ left[:, 3]) for left in lefts)
+    later = -sum(float(left[:, 0] @ left[:, 3]) for left in lefts)
     later_s = float(np.clip(later / max(along, 1e-30), 0.0, MOST_DELAY_SAMPLES / rate_hz))
     by_delay = later_s * (2.0 * later - later_s * along)
-    by_servo = float((G.T @ r) @ np.linalg.pinv(G.T @ G, rcond=1e-9, hermitian=True) @ (G.T @ r))
-    misfit = max((float(r @ r) - by_servo) / max(len(r), 1), 1.0)
     late = later_s > 0.0 and by_servo - by_delay < 2.0 * misfit
     return (later_s if late else min(later_s, 0.5 / rate_hz)), late
 

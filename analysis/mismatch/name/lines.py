@@ -76,8 +76,7 @@ def find_lines(fit: StudyFit) -> list[Line]:
     if n < SHORTEST_S * rate or rate < 4.0 * LOWEST_HZ:
         return []
     stretches = [fit.full_residual_mn(j)[s][:n] for j, s in at_rest.items()]
-    of_motion = [fit.trials[j].at_samples(fit.force_mn(j))[s][:n] for j, s in at_rest.items()]
-    spectra, made = _spectra(stretches), _spectra(of_motion)
+    spectra, made = _spectra(stretches), np.zeros((0, 0))
     frequency = np.fft.rfftfreq(n, 1.0 / rate)
     rounding = ROUNDING * max(float(np.abs(t.full_force_mn).max()) for t in fit.trials)
     local = np.array([median_filter(s, BACKGROUND, mode="nearest") for s in spectra]) / np.log(2.0)
@@ -102,6 +101,10 @@ def find_lines(fit: StudyFit) -> list[Line]:
         )
         # a Hann window leaves all of a line's power A^2 N / 4 in its neighbourhood
         size = np.sqrt(4.0 * excess / n)
+        if not made.size:
+            # what the motion makes of a force is asked where there is a line only
+            of_motion = [fit.trials[j].at_samples(fit.force_mn(j))[s][:n] for j, s in at_rest.items()]
+            made = _spectra(of_motion)
         smooth = np.median(made[:, max(0, k - BACKGROUND // 2) : k + BACKGROUND // 2], axis=1)
         of_position = np.sqrt(4.0 * np.maximum((made[:, near] - smooth[:, None]).sum(axis=1), 0.0) / n)
         error = (

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import Literal
 
@@ -105,8 +106,11 @@ def _reduce(
     heads = sorted(heads, key=lambda t: (t.started, t.path))
     punches_mm = _punches_mm(heads)
     with_command = [h for h in heads if h.command_v is not None]
-    servo = fit_servo([load(h) for h in with_command[:SERVO_TRIALS]])
-    held = held_for(load(h) for h in heads[:SERVO_TRIALS])
+    driven = [load(h) for h in with_command[:SERVO_TRIALS]]
+    servo = fit_servo(driven)
+    undriven = [h for h in heads[:SERVO_TRIALS] if h.command_v is None]
+    held = held_for(chain(driven[: SERVO_TRIALS - len(undriven)], map(load, undriven)))
+    del driven
     cells: list[CellTrial] = []
     before_mm: float | None = None
     for order, head in enumerate(heads):

@@ -177,6 +177,7 @@ def reduce_trial(
         if hold is not None
         else float(motion.position_mm.max())
     )
+    finger = f"{trial.specimen.subject} {trial.specimen.finger}".strip()
     path, if_noise_lasts = path_in_cells(motion), None
     if motion.if_noise_lasts is not None:
         calmer = path_in_cells(motion.if_noise_lasts)
@@ -208,7 +209,8 @@ def reduce_trial(
         study_depth_mm=max(
             float(np.ptp(motion.position_mm)) if trial.kind == "air_sweep" else abs(reached - z0_mm), 1e-9
         ),
-        finger=f"{trial.specimen.subject} {trial.specimen.finger}".strip(),
+        finger=finger,
+        site=f"{finger} {trial.specimen.site}" if trial.specimen.site else "",
         fitted=fitted,
         levels=levels_of(force_mn) if trial.native is None else None,
         if_noise_lasts=if_noise_lasts,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,7 +27,8 @@ WORTH_SAYING = 0.05
 class Trend:
     """How the constants follow the order of trials: evidence (-ln p), change (5,) of their logarithms over the session.
 
-    ``rms_mn`` is what it does to the force from ``start_s`` to ``stop_s`` of a trial.
+    ``of_repeats``: it is the change over the repeats at one site, the same at all. ``rms_mn`` is what it does to the
+    force from ``start_s`` to ``stop_s`` of a trial.
     """
 
     evidence: float
@@ -34,6 +36,7 @@ class Trend:
     rms_mn: float = 0.0
     start_s: float = 0.0
     stop_s: float = 0.0
+    of_repeats: bool = False
 
     @property
     def significant(self) -> bool:
@@ -48,58 +51,84 @@ class Trend:
             for name, c in zip(TISSUE_NAMES, self.change, strict=True)
             if abs(c) > WORTH_SAYING
         ]
-        return (
-            f"a trend over the session, from first trial to last: {listed(told)}"
-            if told
-            else "a trend over the session"
-        )
+        over, ends = ("repeats at one site", "repeat") if self.of_repeats else ("session", "trial")
+        return f"a trend over the {over}" + (f", from first {ends} to last: {listed(told)}" if told else "")
 
 
 NO_TREND = Trend(0.0, np.zeros(TISSUE_SIZE))
 
 
+@dataclass(frozen=True)
+class _Course:
+    """How log constants follow one course of the order: evidence (-ln p) and slopes (5,); the course by trial (n,)."""
+
+    evidence: float
+    slope: FloatArray
+    along: FloatArray
+    of_repeats: bool
+
+
 def find_trend(fit: StudyFit) -> Trend:
     """Return how the tissues' constants follow the order in which the trials were recorded, evenly or levelling off.
 
-    H0: beside finger and depth the order says nothing of a trial's five log constants; what is left of them is normal,
-    independent and of one covariance. Statistic: Wilks' Lambda of the order as one more regressor; with m degrees of
-    freedom left, (1 - Lambda) / Lambda * (m - 4) / 5 is exactly F(5, m - 4) (Mardia, Kent, Bibby 1979, section 6.3).
-    Of the two courses that are looked at the better one's p-value counts twice.
+    A site has one tissue for all its repeats: what sites are like on average is one stratum, how repeats at a site
+    differ another (Cochran and Cox, Experimental Designs, 1957, section 7.1). Of all that is looked at the best one's
+    p-value counts as often as was looked.
     """
     used = [j for j, s in enumerate(fit.states) if s.has_tissue]
     trials = [fit.trials[j] for j in used]
-    known = np.array([[t.finger == name for t in trials] for name in sorted({t.finger for t in trials})])
-    known = np.column_stack([known.T, [t.depth_mm for t in trials]]).astype(np.float64)
-    freedom = len(used) - int(np.linalg.matrix_rank(known)) - 1 - TISSUE_SIZE + 1 if used else 0
-    if freedom < LEAST_FREEDOM:
-        return NO_TREND
-
-    def beside_known(v: FloatArray) -> FloatArray:
-        return np.asarray(v - known @ np.linalg.lstsq(known, v, rcond=None)[0])
-
-    y = beside_known(np.array([fit.states[j].log_tissue for j in used]))
+    y = np.array([fit.states[j].log_tissue for j in used]).reshape(-1, TISSUE_SIZE)
     order = np.array([t.order for t in trials], dtype=np.float64)
-    best, slope, along = 0.0, np.zeros(TISSUE_SIZE), order
-    courses = (order, np.log1p(order))
-    for course in courses:
-        x = beside_known(course)
-        if x @ x < CONFOUNDED * float(np.var(course)) * len(used):
-            continue
-        b = x @ y / (x @ x)
-        left = y - np.outer(x, b)
-        wilks = float(np.exp(np.linalg.slogdet(left.T @ left)[1] - np.linalg.slogdet(y.T @ y)[1]))
-        statistic = (1.0 - wilks) / max(wilks, 1e-300) * freedom / TISSUE_SIZE
-        evidence = -float(f_distribution.logsf(statistic, TISSUE_SIZE, freedom)) - np.log(len(courses))
-        if evidence > best:
-            best, slope, along = float(evidence), b, course - course.mean()
+    depth = np.array([[t.depth_mm] for t in trials]).reshape(-1, 1)
+    finger, site = (_members(names) for names in ([t.finger for t in trials], [t.site or t.label for t in trials]))
+    means = (site / np.maximum(site.sum(axis=0), 1.0)).T
+    since = order - np.array([order[here > 0.0].min() for here in site.T]) @ site.T
+    found = []
+    for at in (order, np.log1p(order)):
+        told = _follows(means @ y, means @ np.hstack([finger, depth]), means @ at)
+        found += [_Course(*told, at, of_repeats=False)] if told else []
+    for at in (since, np.log1p(since)):
+        told = _follows(y, np.hstack([site, depth]), at)
+        found += [_Course(*told, at, of_repeats=True)] if told else []
+    if not found:
+        return NO_TREND
+    best = max(found, key=lambda course: course.evidence)
+    along = best.along - best.along.mean()
     squares = samples = 0.0
     for j, way in zip(used, along, strict=True):
         trial, state = fit.trials[j], fit.states[j]
-        without = replace(state, log_tissue=state.log_tissue - slope * way)
+        without = replace(state, log_tissue=state.log_tissue - best.slope * way)
         held = trial.in_phase("hold")
         moved = simulate(trial, state, fit.shared) - simulate(trial, without, fit.shared)
         squares += float(trial.counts @ (held * moved**2))
         samples += float(trial.counts @ held)
     start_s, stop_s = (float(np.median([t.hold_window_s[k] for t in trials])) for k in (0, 1))
     rms_mn = float(np.sqrt(squares / max(samples, 1.0)))
-    return Trend(best, slope * float(np.ptp(along)), rms_mn, start_s, stop_s)
+    evidence, change = best.evidence - float(np.log(len(found))), best.slope * float(np.ptp(along))
+    return Trend(evidence, change, rms_mn, start_s, stop_s, of_repeats=best.of_repeats)
+
+
+def _members(names: Sequence[str]) -> FloatArray:
+    """Return which of n trials belong to each of the names (n, K)."""
+    return np.array([[name == each for each in dict.fromkeys(names)] for name in names], dtype=np.float64)
+
+
+def _follows(y: FloatArray, known: FloatArray, course: FloatArray) -> tuple[float, FloatArray] | None:
+    """Return how log constants (n, 5) follow a course (n,) beside what is known (n, K): evidence (-ln p), slopes (5,).
+
+    H0: beside what is known the course says nothing of them; what is left of them is normal, independent and of one
+    covariance. Statistic: Wilks' Lambda of the course as one more regressor; with m degrees of freedom left,
+    (1 - Lambda) / Lambda * (m - 4) / 5 is exactly F(5, m - 4) (Mardia, Kent, Bibby 1979, section 6.3). None where too
+    few are left, or hardly any of the course.
+    """
+    freedom = len(y) - int(np.linalg.matrix_rank(known)) - TISSUE_SIZE if len(y) else 0
+    if freedom < LEAST_FREEDOM:
+        return None
+    y, x = (np.asarray(v - known @ np.linalg.lstsq(known, v, rcond=None)[0]) for v in (y, course))
+    if x @ x < CONFOUNDED * float(np.var(course)) * len(y):
+        return None
+    slope = x @ y / (x @ x)
+    left = y - np.outer(x, slope)
+    wilks = float(np.exp(np.linalg.slogdet(left.T @ left)[1] - np.linalg.slogdet(y.T @ y)[1]))
+    statistic = (1.0 - wilks) / max(wilks, 1e-300) * freedom / TISSUE_SIZE
+    return -float(f_distribution.logsf(statistic, TISSUE_SIZE, freedom)), slope

@@ -64,3 +64,36 @@ def test_of_few_trials_or_where_every_finger_was_pressed_once_nothing_is_said(fi
     assert not find_trend(few).significant
     each_another = tuple(replace(t, finger=str(j)) for j, t in enumerate(soaked.trials))
     assert not find_trend(replace(soaked, trials=each_another)).significant
+
+
+REPEATS = 3
+
+
+def at_sites(fit: StudyFit, seed: int, softens: float = 0.0) -> StudyFit:
+    """Return the fit with sites that scatter, each pressed three times: repeats differ little, or ever softer ones."""
+    random = np.random.default_rng(seed)
+    trials, states = [], []
+    for k, (trial, state) in enumerate(zip(fit.trials, fit.states, strict=True)):
+        site, repeat = divmod(k, REPEATS)
+        of_site = np.random.default_rng([seed, site]).normal(0.0, SCATTER, 5)
+        tissue = fit.population.mean + of_site + random.normal(0.0, 0.1 * SCATTER, 5)
+        tissue[0] -= softens * np.log1p(repeat)
+        trials.append(replace(trial, order=k, site=str(site), depth_mm=0.3 + 0.1 * (site % 3)))
+        states.append(replace(state, log_tissue=tissue))
+    return replace(fit, trials=tuple(trials), states=tuple(states))
+
+
+def test_a_site_pressed_again_is_no_other_site(fitted: StudyFit) -> None:
+    """Sites pressed in turn, three times each, were a trend over the session in two studies of six."""
+    found = [find_trend(at_sites(fitted, seed)) for seed in range(STUDIES)]
+    evidence = np.array([trend.evidence for trend in found])
+    # as above: 20 of 400, and 46 six standard deviations above
+    assert int((evidence > -np.log(LEVEL)).sum()) < 46
+
+
+def test_skin_that_softens_with_every_repeat_is_found_and_said(fitted: StudyFit) -> None:
+    trend = find_trend(at_sites(fitted, 1, softens=0.1))
+    assert trend.significant
+    assert trend.of_repeats
+    assert trend.change[0] == pytest.approx(-0.1 * np.log(3.0), abs=0.03)
+    assert trend.words.startswith("a trend over the repeats at one site, from first repeat to last: k0 by -1")

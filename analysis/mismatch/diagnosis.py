@@ -14,7 +14,7 @@ from analysis.mismatch.locate.located import Located, locate, where_trend, with_
 from analysis.mismatch.locate.position_channel import PositionFinding, look_at_position
 from analysis.mismatch.locate.remainder import Nameless, Remainder, find_transients, nameless_of, remainder_of
 from analysis.mismatch.name.finding import Finding, findings
-from analysis.mismatch.name.lines import Line, find_lines, without_lines
+from analysis.mismatch.name.lines import Line, beside_tones
 from analysis.mismatch.name.ramp import undo_step
 from analysis.mismatch.name.rivals import Named
 from analysis.mismatch.name.search import search
@@ -48,10 +48,8 @@ def diagnose(intake: Intake, *, baseline: str = "ramp", seed: int = 0) -> Diagno
     """Say what the baseline simulation leaves out: where it is, its name and size, and how sure that is."""
     rng = np.random.default_rng(seed)
     # every trial its own tissue, drawn from a population; noise from what differs between trials at rest
-    fit = fit_baseline(intake.trials, ideal_step=baseline == "step")
-    lines = tuple(find_lines(fit))
-    if lines:
-        fit = fit_baseline(without_lines(fit, lines), ideal_step=baseline == "step")
+    ideal_step = baseline == "step"
+    fit, lines = beside_tones(fit_baseline(intake.trials, ideal_step=ideal_step), ideal_step=ideal_step)
     # name: laws, events and oscillations compete by how well they predict trials that were not fitted
     start, ramp = undo_step(Account(fit))
     named = search(start)

@@ -62,8 +62,8 @@ class CellTrial:
     ``condition`` is what was stated of the trial, and which of the motions that were run so is its own.
     ``pressed_before`` is the indentation before this one, where it is known: its depth (mm), and how long before the
     first sample it ended (s). ``study_depth_mm`` is the largest depth of all trials that are compared (in the air: the
-    travel). ``lever`` tells whether the tip is that of a lever arm. ``finger`` is whose and which finger, ``site`` where
-    on it, as far as was stated. ``punch_ratio`` is the diameter of its flat punch over that of the study's.
+    travel). ``lever`` tells whether the tip is that of a lever arm. ``finger`` is whose and which finger,
+    ``site`` where on it, as far as was stated. ``punch_ratio`` is the diameter of its flat punch over the study's.
     ``late_samples`` is how much later the position was read than its servo answered. ``levels`` are those to which a
     coarse converter rounded the force. ``position_error_mm`` is what smoothing left of the position's noise
     ``position_noise_mm``, ``beside_servo_mm`` what of the position no servo explains.

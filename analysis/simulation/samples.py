@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,13 +20,14 @@ SHORT = 1e-3
 """Of a process' time: a mean over no more than this is a sample, to a line."""
 
 
-def kept_by_mean(times: FloatArray) -> FloatArray:
+def kept_by_mean(times: NDArray[Any]) -> NDArray[Any]:
     """Return what share of an Ornstein-Uhlenbeck process' variance a mean over so many of its times u has.
 
-    It is 2 (u - 1 + e^-u) / u^2.
+    It is 2 (u - 1 + e^-u) / u^2. Of a process that turns too, u is complex, and the share its real part.
     """
-    u = np.maximum(times, SHORT)
-    return np.where(times > SHORT, 2.0 * (u + np.expm1(-u)) / u**2, 1.0 - times / 3.0)
+    long = np.abs(times) > SHORT
+    u = np.where(long, times, SHORT)
+    return np.where(long, 2.0 * (u + np.expm1(-u)) / u**2, 1.0 - times / 3.0)
 
 
 @dataclass(frozen=True)

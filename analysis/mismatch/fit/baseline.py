@@ -32,8 +32,13 @@ STATED_BLOCK, UNSTATED_BLOCK = 0.05, 0.5
 """How well it is known what a block gives, as a share."""
 
 
-def fit_baseline(trials: Sequence[CellTrial], *, ideal_step: bool = False) -> StudyFit:
-    """Return the baseline simulation with noise and population estimated in turn."""
+def fit_baseline(
+    trials: Sequence[CellTrial],
+    *,
+    ideal_step: bool = False,
+    bands: tuple[tuple[float, float, float], ...] = (),
+) -> StudyFit:
+    """Return the baseline simulation with noise, of which ``bands`` are known, and population estimated in turn."""
     mean = start_tissue(
         trials, [t.z0_start_mm for t in trials], [t.force_mn - t.offset_start_mn for t in trials]
     ).logarithms
@@ -46,7 +51,7 @@ def fit_baseline(trials: Sequence[CellTrial], *, ideal_step: bool = False) -> St
     shared = Shared((), start_rigid(trials), ideal_step, late_samples=late_samples)
     states = tuple(_with_block(t, s) for t, s in zip(trials, states, strict=True))
     white = max(float(np.median([sample_noise(t.full_force_mn.astype(np.float64)) for t in trials])), 1e-12)
-    noise = NoiseModel(white, ((FIRST_SLOW[0] * white**2, FIRST_SLOW[1]),))
+    noise = NoiseModel(white, ((FIRST_SLOW[0] * white**2, FIRST_SLOW[1]),), bands=bands)
     fit = StudyFit(
         tuple(trials),
         tuple(Whitener(t, noise) for t in trials),
@@ -97,7 +102,7 @@ def noise_of(fit: StudyFit, *, may_be_smooth: bool = False) -> NoiseModel:
     """
     rate = fit.trials[0].sample_rate_hz
     if sampled_alike(fit.trials):
-        noise = measure_noise(_at_rest(fit), rate, may_be_smooth=may_be_smooth)
+        noise = measure_noise(_at_rest(fit), rate, may_be_smooth=may_be_smooth, bands=fit.noise.bands)
     else:
         white = [sample_noise(fit.full_residual_mn(j)) for j in range(len(fit.trials))]
         noise = NoiseModel(max(float(np.median(white)), 1e-12))

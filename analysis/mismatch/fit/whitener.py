@@ -136,7 +136,7 @@ class Whitener:
         white = noise.white_mn**2 / counts
         by_position = [(f[use, None], lasts_s) for f, lasts_s in trial.by_position]
         by_position = [term for term in by_position if np.any(term[0][:, 0] ** 2 > SHOWS * white)]
-        if not exponentials and not rhythms and not by_position:
+        if not exponentials and not noise.bands and not rhythms and not by_position:
             self._scale = np.sqrt(counts) / noise.white_mn
             self._factor = None
             self.log_determinant = -2.0 * float(np.log(self._scale).sum())
@@ -151,6 +151,16 @@ class Whitener:
         # cells much longer than a part's time don't know of each other
         blur = np.where(u < LONG, np.sinh(0.5 * np.minimum(u, LONG)) / (0.5 * u), 0.0)[of_cell]
         U, V = variance * blur, blur
+        for v, frequency_hz, lasts_s in noise.bands:
+            swaying = widths_s * (1.0 / lasts_s + 2j * np.pi * frequency_hz)
+            diagonal = diagonal + v * np.real(kept_by_mean(swaying))[of_cell]
+            capped = np.minimum(swaying.real, LONG) + 1j * swaying.imag
+            mean = np.where(swaying.real < LONG, np.sinh(0.5 * capped) / (0.5 * swaying), 0.0)[of_cell]
+            turn = np.exp(2j * np.pi * frequency_hz * trial.time_s[use])
+            # cos(a - b) of the phases of two cells, each turned by what its mean does to it
+            a, b = (turn * np.conj(mean), turn * mean)
+            U, V = np.column_stack([U, v * a.real, v * a.imag]), np.column_stack([V, b.real, b.imag])
+            tau_s = np.append(tau_s, [lasts_s, lasts_s])
         for rhythm in self._rhythms:
             f = rhythm.force_mn[self._use]
             diagonal = diagonal + np.sum(f**2, axis=1)

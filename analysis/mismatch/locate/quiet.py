@@ -34,23 +34,38 @@ def out_of_contact(fit: StudyFit) -> Quiet:
     of the position is a force: of what wanders on skin its trials say nothing.
     """
     fit = _on_skin(fit)
-    noise = fit.noise
+    noise, away = fit.noise, _away(fit)
+    if not (noise.exponentials or noise.bands) or away is None:
+        return Quiet(noise, 0.0)
+    white, others = NoiseModel(noise.white_mn), replace(noise, white_mn=0.0)
+    tried = [white + others.times(float(np.sqrt(s))) for s in SHARES]
+    deviances = [restricted_deviance(away, n) for n in tried]
+    best = int(np.argmin(deviances))
+    return Quiet(tried[best], 0.5 * (deviances[0] - deviances[best]))
+
+
+def heard_out_of_contact(fit: StudyFit, without: NoiseModel) -> float:
+    """Return by how many nats a fit's noise is likelier than another while nothing is touched; 0 where all touch."""
+    fit = _on_skin(fit)
+    away = _away(fit)
+    if away is None:
+        return 0.0
+    return 0.5 * (restricted_deviance(away, without) - restricted_deviance(away, fit.noise))
+
+
+def _away(fit: StudyFit) -> StudyFit | None:
+    """Return what is left of a fit's trials out of contact, as a study of its own; None if nothing is."""
     apart = [_apart(fit, j) for j in range(len(fit.trials))]
     kept = [a for a in apart if a is not None]
-    if not noise.exponentials or not kept:
-        return Quiet(noise, 0.0)
-    away = replace(
+    if not kept:
+        return None
+    return replace(
         fit,
         trials=tuple(t for t, _ in kept),
         states=tuple(s for _, s in kept),
         whiteners=fit.whiteners[: len(kept)],
         shared=replace(fit.shared, laws=()),
     )
-    white, others = NoiseModel(noise.white_mn), replace(noise, white_mn=0.0)
-    tried = [white + others.times(float(np.sqrt(s))) for s in SHARES]
-    deviances = [restricted_deviance(away, n) for n in tried]
-    best = int(np.argmin(deviances))
-    return Quiet(tried[best], 0.5 * (deviances[0] - deviances[best]))
 
 
 def _on_skin(fit: StudyFit) -> StudyFit:

@@ -80,7 +80,9 @@ def find_trend(fit: StudyFit) -> Trend:
     y = np.array([fit.states[j].log_tissue for j in used]).reshape(-1, TISSUE_SIZE)
     order = np.array([t.order for t in trials], dtype=np.float64)
     depth = np.array([[t.depth_mm] for t in trials]).reshape(-1, 1)
-    finger, site = (_members(names) for names in ([t.finger for t in trials], [t.site or t.label for t in trials]))
+    finger, site = (
+        _members(names) for names in ([t.finger for t in trials], [t.site or t.label for t in trials])
+    )
     means = (site / np.maximum(site.sum(axis=0), 1.0)).T
     since = order - np.array([order[here > 0.0].min() for here in site.T]) @ site.T
     found = []

@@ -10,8 +10,11 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.stats import gamma
 
+from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.fit.study_fit import StudyFit, sampled_alike
-from analysis.mismatch.levels import FEWEST_HELD_OUT, KEPT, LINE_LEVEL
+from analysis.mismatch.levels import ENOUGH_ONCE, FEWEST_HELD_OUT, KEPT, LINE_LEVEL
+from analysis.mismatch.locate.quiet import heard_out_of_contact
+from analysis.mismatch.name.sways import sways
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.mechanism import library
 
@@ -19,8 +22,11 @@ FloatArray = NDArray[np.float64]
 
 ROUNDING = float(np.finfo(np.float32).eps)
 LOWEST_HZ = 16.0
+LOWEST_BAND_HZ = 5.0
+"""From here on what sways may be an instrument's: below it bodies breathe, and their pulses have overtones."""
 BACKGROUND = 61
 MOST_LINES = 6
+NEAR_BINS = 12
 KNOT_S = 1.0
 SHORTEST_S = 0.5
 MAINS_HZ = (50.0, 60.0)
@@ -59,52 +65,62 @@ class Line:
         return m.name if harmonic and of_force and p.lower <= self.frequency_hz <= p.upper else ""
 
 
-def find_lines(fit: StudyFit) -> list[Line]:
-    """Return the lines in the trials' full-rate residuals at rest.
+@dataclass(frozen=True)
+class Tones:
+    """Lines, and tones that lose their phase: variance (mN^2), frequency (Hz) and time (s) of each, noise of a band."""
+
+    lines: tuple[Line, ...] = ()
+    bands: tuple[tuple[float, float, float], ...] = ()
+
+
+def find_tones(fit: StudyFit) -> Tones:
+    """Return the tones in the trials' full-rate residuals at rest.
 
     H0: at every frequency the periodogram of each trial is exponential about its neighbours' median, so that the mean
     over trials, less the largest, is no more than a gamma variable; p-values are multiplied by the frequencies looked
     at.
     """
     if not sampled_alike(fit.trials):
-        return []
+        return Tones()
     rate = fit.trials[0].sample_rate_hz
     at_rest = {j: s for j, trial in enumerate(fit.trials) if (s := _at_rest(trial, len(fit.trials)))}
     if not at_rest:
-        return []
+        return Tones()
     n = min(s.stop - s.start for s in at_rest.values())
     if n < SHORTEST_S * rate or rate < 4.0 * LOWEST_HZ:
-        return []
+        return Tones()
     stretches = [fit.full_residual_mn(j)[s][:n] for j, s in at_rest.items()]
-    spectra, made = _spectra(stretches), np.zeros((0, 0))
+    powers, made = spectra(stretches), np.zeros((0, 0))
     frequency = np.fft.rfftfreq(n, 1.0 / rate)
     rounding = ROUNDING * max(float(np.abs(t.full_force_mn).max()) for t in fit.trials)
-    local = np.array([median_filter(s, BACKGROUND, mode="nearest") for s in spectra]) / np.log(2.0)
+    local = np.array([median_filter(s, BACKGROUND, mode="nearest") for s in powers]) / np.log(2.0)
     # no tone is finer than the numbers that hold it: what an interpolation leaves is smoother than they are
     local += rounding**2
-    ratios = np.sort(spectra / np.maximum(local, 1e-300), axis=0)
+    ratios = np.sort(powers / np.maximum(local, 1e-300), axis=0)
     # a tone is in every trial: it must stand without the one that shows most of it
     m = len(stretches) - (len(stretches) >= FEWEST_HELD_OUT)
     ratio = ratios[:m].mean(axis=0)
-    looked = (frequency >= LOWEST_HZ) & (frequency < 0.47 * rate)
+    looked = (frequency >= LOWEST_BAND_HZ) & (frequency < 0.47 * rate)
     p = np.where(looked, gamma.sf(ratio * m, m), 1.0) * int(looked.sum())
     found: list[Line] = []
+    bands: list[tuple[float, float, float]] = []
     for k in np.argsort(-ratio * looked):
-        if p[k] > LINE_LEVEL or len(found) == MOST_LINES:
+        if p[k] > LINE_LEVEL or len(found) + len(bands) == MOST_LINES:
             break
         near = slice(max(0, k - 2), k + 3)
-        if any(abs(frequency[k] - f.frequency_hz) < 12.0 * rate / n for f in found):
+        known_hz = [line.frequency_hz for line in found] + [frequency_hz for _, frequency_hz, _ in bands]
+        if any(abs(frequency[k] - known) < NEAR_BINS * rate / n for known in known_hz):
             continue
-        excess = np.maximum((spectra - local)[:, near].sum(axis=1), 0.0)
+        excess = np.maximum((powers - local)[:, near].sum(axis=1), 0.0)
         centre = float(
-            (frequency[near] * spectra[:, near].mean(axis=0)).sum() / spectra[:, near].mean(axis=0).sum()
+            (frequency[near] * powers[:, near].mean(axis=0)).sum() / powers[:, near].mean(axis=0).sum()
         )
         # a Hann window leaves all of a line's power A^2 N / 4 in its neighbourhood
         size = np.sqrt(4.0 * excess / n)
         if not made.size:
             # what the motion makes of a force is asked where there is a line only
             of_motion = [fit.trials[j].at_samples(fit.force_mn(j))[s][:n] for j, s in at_rest.items()]
-            made = _spectra(of_motion)
+            made = spectra(of_motion)
         smooth = np.median(made[:, max(0, k - BACKGROUND // 2) : k + BACKGROUND // 2], axis=1)
         of_position = np.sqrt(4.0 * np.maximum((made[:, near] - smooth[:, None]).sum(axis=1), 0.0) / n)
         error = (
@@ -113,11 +129,34 @@ def find_lines(fit: StudyFit) -> list[Line]:
             else float(np.sqrt(4.0 * local[:, k].mean() / n))
         )
         amplitude_mn, of_position_mn = (float(np.sqrt(np.mean(a**2))) for a in (size, of_position))
-        found.append(Line(centre, amplitude_mn, error, float(min(p[k], 1.0)), of_position_mn))
-    return found
+        line = Line(centre, amplitude_mn, error, float(min(p[k], 1.0)), of_position_mn)
+        band = None if line.name else sways(powers, local, int(k), rate)
+        if band is not None:
+            bands.append(band)
+        elif centre >= LOWEST_HZ:
+            found.append(line)
+    return Tones(tuple(found), tuple(bands))
 
 
-def _spectra(stretches: Sequence[FloatArray]) -> FloatArray:
+def beside_tones(fit: StudyFit, *, ideal_step: bool = False) -> tuple[StudyFit, tuple[Line, ...]]:
+    """Return the baseline beside the tones that its trials have, and the lines among them, which were taken out.
+
+    Skin trembles, an instrument sways whether it touches or not: what cells are short enough for is an effect's, unless
+    it is heard out of contact.
+    """
+    tones = find_tones(fit)
+    if not tones.lines and not tones.bands:
+        return fit, ()
+    trials = without_lines(fit, tones.lines)
+    beside = fit_baseline(trials, ideal_step=ideal_step, bands=tones.bands)
+    quick = tuple(band for band in tones.bands if band[1] >= LOWEST_HZ)
+    without = replace(beside.noise, bands=quick)
+    if quick != tones.bands and heard_out_of_contact(beside, without) < ENOUGH_ONCE:
+        beside = fit_baseline(trials, ideal_step=ideal_step, bands=quick)
+    return beside, tones.lines
+
+
+def spectra(stretches: Sequence[FloatArray]) -> FloatArray:
     """Return the periodograms (S, F) of stretches of one length, through a Hann window."""
     signals = np.array(stretches)
     n = signals.shape[1]

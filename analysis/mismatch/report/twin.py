@@ -74,8 +74,12 @@ def bench_settings(diagnosis: Diagnosis, report: Report) -> dict[str, Any]:
 
 
 def noise_settings(noise: NoiseModel, position_noise_mm: float | None) -> dict[str, float]:
-    """Return the bench's noise for a noise model: white, quickly correlated, and slowly wandering parts."""
-    quick = noise.quicker_than(SLOW_S).exponentials
+    """Return the bench's noise for a noise model: white, quickly correlated, and slowly wandering parts.
+
+    A band is as large and as quick there, but no band.
+    """
+    bands = tuple((v, 1.0 / (2.0 * np.pi * frequency_hz)) for v, frequency_hz, _ in noise.bands)
+    quick = noise.quicker_than(SLOW_S).exponentials + bands
     slow = noise.slower_from(SLOW_S).exponentials
     fast_variance = noise.white_mn**2 + sum(v for v, _ in quick)
     settings = {

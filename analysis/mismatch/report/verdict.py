@@ -291,10 +291,6 @@ def _notes(diagnosis: Diagnosis, mechanisms: Sequence[FoundMechanism]) -> tuple[
         for f in diagnosis.findings
         if f.at_bound
     ]
-    notes += [
-        f"A tone at {line.frequency_hz:.4g} Hz ({amounts.force(line.amplitude_mn)}) is in every trial; it was taken "
-        "out before anything else was looked at."
-        for line in diagnosis.lines
-    ]
+    notes += wording.tones(diagnosis.lines, fit.noise)
     rate_hz = min(t.sample_rate_hz for t in diagnosis.intake.trials)
     return (*wording.late(diagnosis.position, rate_hz), *notes)

@@ -6,10 +6,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from analysis.mismatch.fit.noise import NoiseModel
 from analysis.mismatch.levels import FEW_TRIALS, FEWEST_HELD_OUT
 from analysis.mismatch.locate.absorbed import Absorbed
 from analysis.mismatch.locate.position_channel import PositionFinding
 from analysis.mismatch.model.words import listed, spoken
+from analysis.mismatch.name.lines import Line
 from analysis.mismatch.name.own_sizes import Quantity
 from analysis.mismatch.propose.proposal import NextExperiment
 from analysis.mismatch.report import amounts
@@ -230,6 +232,20 @@ def _hidden_words(absorbed: Sequence[NotIdentifiable]) -> str:
     tissue = "could still hide in the fitted tissue"
     ways = listed(list(dict.fromkeys(separated_by(library()[a.name]) for a in absorbed[:3])), "or")
     return f"{_capital(names)} {tissue}; {ways} would show {'it' if len(absorbed) == 1 else 'them'}."
+
+
+def tones(lines: Sequence[Line], noise: NoiseModel) -> list[str]:
+    """Say which tones the trials have, and what was done about them."""
+    said = [
+        f"A tone at {line.frequency_hz:.4g} Hz ({amounts.force(line.amplitude_mn)}) is in every trial; it was taken "
+        "out before anything else was looked at."
+        for line in lines
+    ]
+    return said + [
+        f"The force sways at about {frequency_hz:.3g} Hz ({amounts.force(float(np.sqrt(variance)))} rms), in phase "
+        f"with itself for {lasts_s:.2g} s, as on a building or a bench that does; it was weighed as noise."
+        for variance, frequency_hz, lasts_s in noise.bands
+    ]
 
 
 def late(position: PositionFinding | None, rate_hz: float) -> tuple[str, ...]:

@@ -90,7 +90,7 @@ def test_what_is_left_of_a_tone_is_unknown_and_somewhere(amplitude_um: float, fr
     """A drive that hunts sways about its tone; no window of a trial tells that by itself, and all of them do."""
     hunting = f'name = "servo_hunting"\namplitude_um = {amplitude_um}\nfrequency_hz = {frequency_hz}'
     found = _diagnose(hunting)
-    assert found.lines
+    assert found.baseline.fit.noise.bands
     assert found.remainder.lasts
     report = _report(found)
     assert report.verdict == "unknown"

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
+from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.fit.study_fit import StudyFit
-from analysis.mismatch.name.lines import find_lines
+from analysis.mismatch.locate.remainder import remainder_of
+from analysis.mismatch.name.lines import Tones, beside_tones, find_tones, spectra
+from analysis.mismatch.name.sways import sways
 from analysis.mismatch.study.intake import take_in_memory
-from analysis.recordings.trial import Trial
+from analysis.recordings.trial import PHASE_NAMES, Trial
+from analysis.simulation.cells import CellTrial
 
 HZ, AMPLITUDE_MN = 3604.0, 0.02
 
@@ -32,7 +37,7 @@ def _with_tone(fit: StudyFit, where: int, amplitude_mn: float = AMPLITUDE_MN) ->
 
 
 def test_a_tone_of_all_trials_is_found(fit: StudyFit) -> None:
-    (line,) = find_lines(_with_tone(fit, len(fit.trials)))
+    (line,) = find_tones(_with_tone(fit, len(fit.trials))).lines
     assert line.frequency_hz == pytest.approx(HZ, abs=0.5)
     assert line.amplitude_mn == pytest.approx(AMPLITUDE_MN, rel=0.1)
     assert line.name == ""
@@ -41,7 +46,7 @@ def test_a_tone_of_all_trials_is_found(fit: StudyFit) -> None:
 @pytest.mark.parametrize("where", [0, 1])
 def test_what_one_trial_alone_has_is_no_tone(fit: StudyFit, where: int) -> None:
     """By chance a line is found once in a million studies."""
-    assert find_lines(_with_tone(fit, where, 5.0 * AMPLITUDE_MN)) == []
+    assert find_tones(_with_tone(fit, where, 5.0 * AMPLITUDE_MN)) == Tones()
 
 
 @pytest.mark.parametrize("of_position", [True, False])
@@ -56,6 +61,67 @@ def test_a_hum_is_the_force_s_where_the_motion_does_not_make_it(fit: StudyFit, o
             hum_mn = 0.05 * np.sin(2 * np.pi * 50.0 * trial.full_time_s + j)
             full_mn = trial.full_force_mn + hum_mn.astype(np.float32)
             trials.append(replace(trial, full_force_mn=full_mn))
-    (line,) = find_lines(replace(fit, trials=tuple(trials)))
+    (line,) = find_tones(replace(fit, trials=tuple(trials))).lines
     assert line.frequency_hz == pytest.approx(50.0, abs=0.5)
     assert line.name == ("" if of_position else "mains_hum")
+
+
+def _sways(trials: Sequence[CellTrial], frequency_hz: float, *, in_contact: bool) -> list[CellTrial]:
+    """Return trials with a tone of 0.3 mN rms that keeps its phase for 0.3 s, everywhere or while skin is pressed."""
+    random = np.random.default_rng(8)
+    swaying = []
+    for trial in trials:
+        n, kept = len(trial.full_time_s), np.exp(-1.0 / trial.sample_rate_hz / 0.3)
+        drawn = (1.0, 1j) @ random.normal(size=(2, n)) * np.sqrt(1.0 - kept**2)
+        first = (1.0, 1j) @ random.normal(size=2)
+        about = lfilter([1.0], [1.0, -kept], drawn, zi=[kept * first])[0]
+        tone_mn = 0.3 * np.real(about * np.exp(2j * np.pi * frequency_hz * trial.full_time_s))
+        if in_contact:
+            touching = np.isin(trial.phase, [PHASE_NAMES.index(p) for p in ("ramp", "hold")])
+            tone_mn *= trial.at_samples(touching.astype(np.float64)) > 0.5
+        full_mn = trial.full_force_mn + tone_mn.astype(np.float32)
+        force_mn = trial.cell_means(full_mn.astype(np.float64))
+        swaying.append(replace(trial, full_force_mn=full_mn, force_mn=force_mn))
+    return swaying
+
+
+@pytest.mark.parametrize("frequency_hz", [10.0, 22.0])
+def test_a_building_that_sways_is_noise_of_a_band(fit: StudyFit, frequency_hz: float) -> None:
+    """A tone that loses its phase left what no mechanism names, and one of 10 Hz was named tremor of the skin."""
+    beside, lines = beside_tones(fit_baseline(_sways(fit.trials, frequency_hz, in_contact=False)))
+    assert lines == ()
+    (band,) = beside.noise.bands
+    assert band[0] == pytest.approx(0.09, rel=0.25)
+    assert band[1] == pytest.approx(frequency_hz, abs=0.3)
+    assert band[2] == pytest.approx(0.3, rel=0.4)
+    assert not remainder_of(Account(beside), Account(beside)).significant
+
+
+def test_what_trembles_in_contact_alone_is_no_building(fit: StudyFit) -> None:
+    beside, _ = beside_tones(fit_baseline(_sways(fit.trials, 10.0, in_contact=True)))
+    assert beside.noise.bands == ()
+    quicker, _ = beside_tones(fit_baseline(_sways(fit.trials, 22.0, in_contact=True)))
+    assert remainder_of(Account(quicker), Account(quicker)).lasts
+
+
+@pytest.mark.parametrize("kept_s", [0.1, 0.3, 1.0, np.inf])
+def test_a_tone_is_told_from_one_that_loses_its_phase(kept_s: float) -> None:
+    random, n, rate_hz = np.random.default_rng(9), 5000, 1000.0
+    stretches = []
+    for _ in range(16):
+        kept = np.exp(-1.0 / rate_hz / kept_s)
+        first = (1.0, 1j) @ random.normal(size=2)
+        drawn = (1.0, 1j) @ random.normal(size=(2, n)) * np.sqrt(1.0 - kept**2)
+        about = lfilter([1.0], [1.0, -kept], drawn, zi=[kept * first])[0]
+        tone = 0.4 * np.real(about * np.exp(2j * np.pi * 22.3 * np.arange(n) / rate_hz))
+        stretches.append(tone + random.normal(0.0, 0.3, n))
+    powers = spectra(stretches)
+    told = sways(powers, np.full_like(powers, 0.09), int(np.argmax(powers.mean(axis=0))), rate_hz)
+    if kept_s == np.inf:
+        assert told is None
+    else:
+        assert told is not None
+        variance, frequency_hz, found_s = told
+        assert variance == pytest.approx(0.16, rel=0.3)
+        assert frequency_hz == pytest.approx(22.3, abs=0.3)
+        assert found_s == pytest.approx(kept_s, rel=0.3)

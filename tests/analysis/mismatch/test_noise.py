@@ -50,16 +50,23 @@ def _covariance(cells: SimpleNamespace, noise: NoiseModel) -> np.ndarray:
     t = (cells.time_s[:, None] + within * width_s[:, None]).ravel()
     lag = np.abs(t[:, None] - t)
     every = sum(v * np.exp(-lag / tau) for v, tau in noise.exponentials)
+    every += sum(v * np.exp(-lag / tau) * np.cos(2.0 * np.pi * f * lag) for v, f, tau in noise.bands)
     n = len(cells.time_s)
     return every.reshape(n, 32, n, 32).mean(axis=(1, 3)) + np.diag(noise.white_mn**2 / cells.counts)
 
 
-@pytest.mark.parametrize("smoother", [0.0, 0.04], ids=["through one filter", "through two"])
-def test_whitening_is_the_inverse_cholesky_factor(smoother: float) -> None:
+@pytest.mark.parametrize(
+    ("smoother", "bands"),
+    [(0.0, ()), (0.04, ()), (0.0, ((0.05, 18.0, 0.3), (0.02, 150.0, 0.02)))],
+    ids=["through one filter", "through two", "beside bands"],
+)
+def test_whitening_is_the_inverse_cholesky_factor(
+    smoother: float, bands: tuple[tuple[float, float, float], ...]
+) -> None:
     cells = _cells(60)
     # quicker than a cell, about as long, and longer
     parts = ((0.05, 0.4), (0.02, 0.1), (0.03, 0.006), (0.04, 0.0016))
-    noise = NoiseModel(0.3, parts, ((smoother, 0.02, 0.008),))
+    noise = NoiseModel(0.3, parts, ((smoother, 0.02, 0.008),), bands)
     columns = np.random.default_rng(3).normal(size=(len(cells.time_s), 4))
     dense = np.linalg.solve(np.linalg.cholesky(_covariance(cells, noise)), columns)
     whitener = Whitener(cells, noise)

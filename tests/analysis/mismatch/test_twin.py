@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -82,6 +83,8 @@ def test_twin_behaves_as_the_found_simulation(
 
 def test_noise_of_the_twin_has_the_variance_of_the_model() -> None:
     model = NoiseModel(0.2, ((0.01, 0.002), (0.04, 0.4)))
+    swaying = noise_settings(replace(model, bands=((0.02, 20.0, 0.3),)), 3e-4)
+    assert swaying["force_mn_rms"] ** 2 == pytest.approx(0.2**2 + 0.01 + 0.02)
     found = noise_settings(model, 3e-4)
     assert found["force_mn_rms"] ** 2 + found["wander_mn_rms"] ** 2 == pytest.approx(model.rms_mn**2)
     assert found["correlated_share"] == pytest.approx(0.01 / 0.05)

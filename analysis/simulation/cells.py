@@ -67,6 +67,7 @@ class CellTrial:
     ``late_samples`` is how much later the position was read than its servo answered. ``levels`` are those to which a
     coarse converter rounded the force. ``position_error_mm`` is what smoothing left of the position's noise
     ``position_noise_mm``, ``beside_servo_mm`` what of the position no servo explains.
+    ``louder`` is how much louder than at rest its white noise is, where that grows with force.
     ``if_noise_lasts`` is where the tip was if what wanders beside a servo's answer is the sensor's; None if that is
     nothing else.
     """
@@ -109,6 +110,7 @@ class CellTrial:
     fitted: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
     uneven_s: FloatArray | None = None
     late_samples: float = 0.0
+    louder: FloatArray | None = None
 
     @cached_property
     def full_time_s(self) -> FloatArray:
@@ -167,6 +169,10 @@ class CellTrial:
         alone = self.counts == 1
         found[self.starts[alone]] = cells[alone]
         return np.asarray(found)
+
+    def as_loud_as_rest(self, samples: FloatArray) -> FloatArray:
+        """Return noise (N,) as it were if it did not grow with force."""
+        return samples if self.louder is None else samples / np.repeat(self.louder, self.counts.astype(int))
 
     def span_s(self, cells: IntArray) -> tuple[float, float]:
         """Return when the first of these cells begins and the last ends, s from the trial's first sample."""

@@ -131,7 +131,7 @@ class Whitener:
         self._use = slice(None) if use.all() else use
         self._trial, self._noise, self._rhythms = trial, noise, tuple(rhythms)
         self._time_s = np.ascontiguousarray(trial.time_s)
-        counts = trial.counts[use]
+        counts = trial.counts[use] if trial.louder is None else (trial.counts / trial.louder**2)[use]
         exponentials = noise.exponentials
         white = noise.white_mn**2 / counts
         by_position = [(f[use, None], lasts_s) for f, lasts_s in trial.by_position]

@@ -49,7 +49,8 @@ def find_outliers(fit: StudyFit) -> Bursts:
     """Weigh single samples at rest in all trials; the largest is where they are."""
     kept = [at_rest(fit, j) for j in range(len(fit.trials))]
     level_mn = float(np.median([levels_apart(t.full_force_mn) for t in fit.trials]))
-    scattered = [deviations(fit.full_residual_mn(j), rest, level_mn) for j, rest in enumerate(kept)]
+    residuals = [trial.as_loud_as_rest(fit.full_residual_mn(j)) for j, trial in enumerate(fit.trials)]
+    scattered = [deviations(left, rest, level_mn) for left, rest in zip(residuals, kept, strict=True)]
     sigma_mn = float(np.median([s.sigma_mn for s in scattered]))
     whole = tails(np.concatenate([s.off for s in scattered]), level_mn / sigma_mn)
     if whole.evidence <= 0.0:

@@ -79,7 +79,7 @@ def phase_at(trial: CellTrial, at_s: float) -> str:
 def _scores(fit: StudyFit, j: int) -> tuple[FloatArray, FloatArray, float]:
     """Return standardised sums (W, N) of samples about every time (N,), and the deviation of one, mN."""
     trial = fit.trials[j]
-    residual = fit.unrounded_residual_mn(j)
+    residual = trial.as_loud_as_rest(fit.unrounded_residual_mn(j))
     # a level that follows what lasts longer than any burst
     level_n = 8 * WIDTHS[-1]
     if len(residual) < 4 * level_n:

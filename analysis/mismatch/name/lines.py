@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -80,17 +80,11 @@ def find_tones(fit: StudyFit) -> Tones:
     over trials, less the largest, is no more than a gamma variable; p-values are multiplied by the frequencies looked
     at.
     """
-    if not sampled_alike(fit.trials):
-        return Tones()
-    rate = fit.trials[0].sample_rate_hz
-    at_rest = {j: s for j, trial in enumerate(fit.trials) if (s := _at_rest(trial, len(fit.trials)))}
+    at_rest, n = _at_rest_together(fit)
     if not at_rest:
         return Tones()
-    n = min(s.stop - s.start for s in at_rest.values())
-    if n < SHORTEST_S * rate or rate < 4.0 * LOWEST_HZ:
-        return Tones()
-    stretches = [fit.full_residual_mn(j)[s][:n] for j, s in at_rest.items()]
-    powers, made = spectra(stretches), np.zeros((0, 0))
+    rate = fit.trials[0].sample_rate_hz
+    powers, made = _powers(fit, at_rest, n), np.zeros((0, 0))
     frequency = np.fft.rfftfreq(n, 1.0 / rate)
     rounding = ROUNDING * max(float(np.abs(t.full_force_mn).max()) for t in fit.trials)
     local = np.array([median_filter(s, BACKGROUND, mode="nearest") for s in powers]) / np.log(2.0)
@@ -98,7 +92,7 @@ def find_tones(fit: StudyFit) -> Tones:
     local += rounding**2
     ratios = np.sort(powers / np.maximum(local, 1e-300), axis=0)
     # a tone is in every trial: it must stand without the one that shows most of it
-    m = len(stretches) - (len(stretches) >= FEWEST_HELD_OUT)
+    m = len(powers) - (len(powers) >= FEWEST_HELD_OUT)
     ratio = ratios[:m].mean(axis=0)
     looked = (frequency >= LOWEST_BAND_HZ) & (frequency < 0.47 * rate)
     p = np.where(looked, gamma.sf(ratio * m, m), 1.0) * int(looked.sum())
@@ -130,7 +124,8 @@ def find_tones(fit: StudyFit) -> Tones:
         )
         amplitude_mn, of_position_mn = (float(np.sqrt(np.mean(a**2))) for a in (size, of_position))
         line = Line(centre, amplitude_mn, error, float(min(p[k], 1.0)), of_position_mn)
-        band = None if line.name else sways(powers, local, int(k), rate)
+        about = np.arange(max(k - BACKGROUND // 2, 1), min(k + BACKGROUND // 2, len(frequency)))
+        band = None if line.name else sways(powers, local, int(k), about, rate)
         if band is not None:
             bands.append(band)
         elif centre >= LOWEST_HZ:
@@ -149,11 +144,44 @@ def beside_tones(fit: StudyFit, *, ideal_step: bool = False) -> tuple[StudyFit, 
         return fit, ()
     trials = without_lines(fit, tones.lines)
     beside = fit_baseline(trials, ideal_step=ideal_step, bands=tones.bands)
-    quick = tuple(band for band in tones.bands if band[1] >= LOWEST_HZ)
+    if tones.bands:
+        # their skirts passed for background until what else there is was known
+        beside = fit_baseline(trials, ideal_step=ideal_step, bands=_with_skirts(beside))
+    quick = tuple(band for band in beside.noise.bands if band[1] >= LOWEST_HZ)
     without = replace(beside.noise, bands=quick)
-    if quick != tones.bands and heard_out_of_contact(beside, without) < ENOUGH_ONCE:
+    if without != beside.noise and heard_out_of_contact(beside, without) < ENOUGH_ONCE:
         beside = fit_baseline(trials, ideal_step=ideal_step, bands=quick)
     return beside, tones.lines
+
+
+def _with_skirts(fit: StudyFit) -> tuple[tuple[float, float, float], ...]:
+    """Return the bands of a fit's noise anew, by an octave to either side and what else its noise is."""
+    at_rest, n = _at_rest_together(fit)
+    rate, noise = fit.trials[0].sample_rate_hz, fit.noise
+    powers = _powers(fit, at_rest, n)
+    frequency = np.asarray(np.fft.rfftfreq(n, 1.0 / rate), dtype=np.float64)
+    found = []
+    for band in noise.bands:
+        others = replace(noise, bands=tuple(other for other in noise.bands if other != band))
+        background = np.tile(0.5 * rate * others.power(frequency, rate), (len(powers), 1))
+        octaves = np.flatnonzero((frequency > 0.5 * band[1]) & (frequency < 2.0 * band[1]))
+        at = int(np.abs(frequency - band[1]).argmin())
+        found.append(sways(powers, background, at, octaves, rate) or band)
+    return tuple(found)
+
+
+def _at_rest_together(fit: StudyFit) -> tuple[dict[int, slice], int]:
+    """Return where trials rest, by number, and samples that all of them do; none where no spectrum would say much."""
+    at_rest = {j: s for j, trial in enumerate(fit.trials) if (s := _at_rest(trial, len(fit.trials)))}
+    rate, n = fit.trials[0].sample_rate_hz, min((s.stop - s.start for s in at_rest.values()), default=0)
+    if not sampled_alike(fit.trials) or n < SHORTEST_S * rate or rate < 4.0 * LOWEST_HZ:
+        return {}, 0
+    return at_rest, n
+
+
+def _powers(fit: StudyFit, at_rest: Mapping[int, slice], n: int) -> FloatArray:
+    """Return the periodograms (S, F) of what is left of trials at rest, n samples of each."""
+    return spectra([fit.full_residual_mn(j)[s][:n] for j, s in at_rest.items()])
 
 
 def spectra(stretches: Sequence[FloatArray]) -> FloatArray:

@@ -10,8 +10,6 @@ from analysis.mismatch.levels import ENOUGH_SHARED
 
 FloatArray = NDArray[np.float64]
 
-NEAR_BINS = 30
-"""Bins to either side of a line in which it is told from its background, about as far as that is read."""
 FIRST_SHARES = (0.03, 0.3)
 """Of a stretch, from which the time is looked for that a tone keeps its phase."""
 LEAST_CYCLES = 0.5
@@ -19,17 +17,17 @@ LAGS = 512
 
 
 def sways(
-    spectra: FloatArray, local: FloatArray, at: int, rate_hz: float
+    spectra: FloatArray, local: FloatArray, at: int, near: NDArray[np.intp], rate_hz: float
 ) -> tuple[float, float, float] | None:
     """Return variance (mN^2), frequency (Hz) and time (s) of a tone that loses its phase; None of one that keeps it.
 
     ``spectra`` (S, F) are periodograms of stretches through a Hann window, ``local`` (S, F) their background, ``at``
-    the bin of the line. H0: the tone lasts, so that the window alone makes it wide. H1: its correlation falls off as
-    exp(-|lag| / t). Statistic: the difference of Whittle's log likelihoods of the periodograms at their best, each
-    value exponential about its mean (Whittle, J. R. Stat. Soc. B 15:125, 1953).
+    the bin of the line, ``near`` (B,) those in which it is looked at.
+    H0: the tone lasts, so that the window alone makes it wide. H1: its correlation falls off as exp(-|lag| / t).
+    Statistic: the difference of Whittle's log likelihoods of the periodograms at their best, each value exponential
+    about its mean (Whittle, J. R. Stat. Soc. B 15:125, 1953).
     """
     n = 2 * (spectra.shape[1] - 1)
-    near = np.arange(max(at - NEAR_BINS, 1), min(at + NEAR_BINS + 1, spectra.shape[1]))
     seen, background = spectra[:, near], np.maximum(local[:, near], 1e-300)
     window = np.hanning(LAGS)
     acf = np.correlate(window, window, "full")[LAGS - 1 :] / float(window @ window)

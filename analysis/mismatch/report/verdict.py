@@ -291,6 +291,6 @@ def _notes(diagnosis: Diagnosis, mechanisms: Sequence[FoundMechanism]) -> tuple[
         for f in diagnosis.findings
         if f.at_bound
     ]
-    notes += wording.tones(diagnosis.lines, fit.noise)
+    notes += [*wording.tones(diagnosis.lines, fit.noise), *wording.louder(fit.trials)]
     rate_hz = min(t.sample_rate_hz for t in diagnosis.intake.trials)
     return (*wording.late(diagnosis.position, rate_hz), *notes)

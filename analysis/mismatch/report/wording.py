@@ -16,6 +16,7 @@ from analysis.mismatch.name.own_sizes import Quantity
 from analysis.mismatch.propose.proposal import NextExperiment
 from analysis.mismatch.report import amounts
 from analysis.mismatch.report.contents import NotIdentifiable, Report, Window
+from analysis.simulation.cells import CellTrial
 from analysis.simulation.mechanism import Mechanism, library
 
 TISSUE_WORDS = {
@@ -232,6 +233,13 @@ def _hidden_words(absorbed: Sequence[NotIdentifiable]) -> str:
     tissue = "could still hide in the fitted tissue"
     ways = listed(list(dict.fromkeys(separated_by(library()[a.name]) for a in absorbed[:3])), "or")
     return f"{_capital(names)} {tissue}; {ways} would show {'it' if len(absorbed) == 1 else 'them'}."
+
+
+def louder(trials: Sequence[CellTrial]) -> list[str]:
+    """Say by how much the noise grows with force, where it does."""
+    ratios = [float(t.louder.max() / t.louder.min()) for t in trials if t.louder is not None]
+    said = f"The noise grows with the force: it is up to {max(ratios, default=1.0):.2g} times what it is without."
+    return [said] if ratios else []
 
 
 def tones(lines: Sequence[Line], noise: NoiseModel) -> list[str]:

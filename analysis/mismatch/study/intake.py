@@ -13,6 +13,7 @@ import numpy as np
 
 from analysis.errors import BadInputError
 from analysis.mismatch.study.held_force import held_for, held_note, with_readings
+from analysis.mismatch.study.loudness import with_loudness
 from analysis.mismatch.study.repeats import with_conditions
 from analysis.recordings import read_trial
 from analysis.recordings.trial import Trial
@@ -133,7 +134,7 @@ def _reduce(
     if not cells:
         raise BadInputError(_nothing(left_out))
     setting = _setting(heads)
-    cells = [replace(c, lever=setting != "other") for c in with_conditions(cells)]
+    cells = [replace(c, lever=setting != "other") for c in with_loudness(with_conditions(cells))]
     skin = [c.study_depth_mm for c in cells if c.kind == "ramp_hold_retract"]
     if skin:
         cells = [replace(c, study_depth_mm=max(skin)) for c in cells]

@@ -116,7 +116,8 @@ def test_a_tone_is_told_from_one_that_loses_its_phase(kept_s: float) -> None:
         tone = 0.4 * np.real(about * np.exp(2j * np.pi * 22.3 * np.arange(n) / rate_hz))
         stretches.append(tone + random.normal(0.0, 0.3, n))
     powers = spectra(stretches)
-    told = sways(powers, np.full_like(powers, 0.09), int(np.argmax(powers.mean(axis=0))), rate_hz)
+    at = int(np.argmax(powers.mean(axis=0)))
+    told = sways(powers, np.full_like(powers, 0.09), at, np.arange(at - 30, at + 30), rate_hz)
     if kept_s == np.inf:
         assert told is None
     else:

@@ -40,6 +40,7 @@ def _cells(n: int = 300) -> SimpleNamespace:
         fitted_widths_s=np.unique(counts / 8000.0, return_inverse=True),
         steps=Steps.between(time_s),
         by_position=(),
+        louder=None,
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.evidence.shares import even_shares
 from analysis.mismatch.fit.baseline import noise_left
-from analysis.mismatch.fit.law_fit import fit_laws, near_textbook, with_value
+from analysis.mismatch.fit.law_fit import fit_laws, law_prior, with_value
 from analysis.mismatch.fit.noise import FASTEST_SLOW_S
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import (
@@ -21,7 +21,9 @@ from analysis.mismatch.levels import (
     ROUGH,
     SMALL_SHARE,
 )
-from analysis.simulation.mechanism import library
+from analysis.mismatch.model.dictionary import templates
+from analysis.mismatch.model.effects import Law
+from analysis.simulation.mechanism import Parameter, library
 
 OTHER_SIZES = (2.0**0.5, 0.5**0.5)
 """Times its size, where a law in its textbook's form is looked for besides: an event's own slope reaches one cell."""
@@ -132,11 +134,12 @@ def of_sizes(fit: StudyFit, name: str) -> Iterator[StudyFit]:
 
 
 def as_textbook(fit: StudyFit, name: str) -> StudyFit:
-    """Return the fit with one of its effects nearly in its textbook's form; itself where it does nothing besides.
+    """Return the fit with one of its effects nearly in a form of its textbook; itself where it does nothing besides.
 
     What differs from site to site is the skin's, in the textbook too.
     """
-    laws = tuple(near_textbook(law) if law.name == name else law for law in fit.shared.laws)
+    forms = [t.as_law(1.0) for t in templates(fit.trials) if t.name == name]
+    laws = tuple(near_textbook(law, forms) if law.name == name else law for law in fit.shared.laws)
     states = tuple(
         s.with_only([k for k, x in enumerate(s.shapes) if x.effect != name or not x.kind or x.is_number])
         for s in fit.states
@@ -145,3 +148,26 @@ def as_textbook(fit: StudyFit, name: str) -> StudyFit:
     if same and all(new is old for new, old in zip(states, fit.states, strict=True)):
         return fit
     return replace(fit, shared=replace(fit.shared, laws=laws), states=states)
+
+
+def near_textbook(law: Law, forms: Sequence[Law]) -> Law:
+    """Return the law with its inner parameters as far as was expected, at most, from the nearest of a textbook's forms.
+
+    They are not fitted there. ``forms`` are those in which the library has the law.
+    """
+    known = law_prior([law])[0]
+    inner = [(p, float(of_it)) for p, of_it in zip(law.parameters, known, strict=False) if p.inner]
+
+    def away(form: Law, p: Parameter, of_it: float) -> float:
+        return float((p.to_fit(law.values[p.name]) - p.to_fit(form.values[p.name])) * np.sqrt(of_it))
+
+    nearest = min(forms, key=lambda form: sum(away(form, p, of_it) ** 2 for p, of_it in inner))
+    values = dict(law.values)
+    for p, of_it in inner:
+        far = away(nearest, p, of_it)
+        if abs(far) > 1.0:
+            values[p.name] = p.from_fit(
+                p.to_fit(nearest.values[p.name]) + float(np.sign(far) / np.sqrt(of_it))
+            )
+    fixed = {p.name for p, _ in inner}
+    return replace(law, values=values, free=tuple(name for name in law.free if name not in fixed))

@@ -119,19 +119,6 @@ def law_prior(laws: Sequence[Law]) -> tuple[FloatArray, FloatArray]:
     return np.array([*precision, DELAY_SAMPLES**-2]), np.array([*centre, 0.0])
 
 
-def near_textbook(law: Law) -> Law:
-    """Return the law with its inner parameters as far from the textbook as was expected, at most, and not fitted."""
-    precision, centre = law_prior([law])
-    values = dict(law.values)
-    for p, known, middle in zip(law.parameters, precision, centre, strict=False):
-        if p.inner:
-            away = (p.to_fit(values[p.name]) - middle) * np.sqrt(known)
-            if abs(away) > 1.0:
-                values[p.name] = p.from_fit(float(middle + np.sign(away) / np.sqrt(known)))
-    inner = {p.name for p in law.parameters if p.inner}
-    return replace(law, values=values, free=tuple(name for name in law.free if name not in inner))
-
-
 def known_beforehand(shared: Shared) -> FloatArray:
     """Return the precision (P,) with which free parameters are known before any trial is weighed by them.
 

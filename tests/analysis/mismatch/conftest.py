@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -10,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from filelock import FileLock
 
 from analysis.recordings import write_trial
 from analysis.recordings.trial import Trial
@@ -29,6 +31,9 @@ class Diagnosed:
     report: dict[str, Any]
     faults: Sequence[str] = ()
     """Texts of the figures that are cut off or printed over each other."""
+
+
+Once = Callable[[str, Callable[[], list[Trial]]], Diagnosed]
 
 
 def effect(name: str, **parameters: float) -> str:
@@ -71,30 +76,43 @@ def diagnosed(folder: Path, trials: Sequence[Trial], watched: Watch) -> Diagnose
     with watched() as faults:
         page = diagnose_paths([files], out=folder / "out")
     report = json.loads((page.parent / "report.json").read_text(encoding="utf-8"))
-    return Diagnosed(files, page.parent, report, faults)
+    return Diagnosed(files, page.parent, report, list(faults))
 
 
 @pytest.fixture(scope="session")
-def clinging(
-    tmp_path_factory: pytest.TempPathFactory, record: Callable[..., list[Trial]], watched_figures: Watch
-) -> Diagnosed:
+def diagnosed_once(tmp_path_factory: pytest.TempPathFactory, worker_id: str, watched_figures: Watch) -> Once:
+    """Function (name, what records) -> what was made of the trials, once for all processes of a run of the tests."""
+    own = tmp_path_factory.getbasetemp()
+    folder = own if worker_id == "master" else own.parent
+
+    def made(name: str, recorded: Callable[[], list[Trial]]) -> Diagnosed:
+        kept = folder / f"{name}.pickle"
+        with FileLock(folder / f"{name}.lock"):
+            if kept.exists():
+                found = pickle.loads(kept.read_bytes())
+                assert isinstance(found, Diagnosed)
+                return found
+            found = diagnosed(folder / name, recorded(), watched_figures)
+            kept.write_bytes(pickle.dumps(found))
+            return found
+
+    return made
+
+
+@pytest.fixture(scope="session")
+def clinging(record: Callable[..., list[Trial]], diagnosed_once: Once) -> Diagnosed:
     """A study on skin that clings to the punch."""
-    trials = record(21, effect("adhesion", pull_off_mn=5.0))
-    return diagnosed(tmp_path_factory.mktemp("clinging"), trials, watched_figures)
+    return diagnosed_once("clinging", lambda: record(21, effect("adhesion", pull_off_mn=5.0)))
 
 
 @pytest.fixture(scope="session")
-def plain(
-    tmp_path_factory: pytest.TempPathFactory, record: Callable[..., list[Trial]], watched_figures: Watch
-) -> Diagnosed:
+def plain(record: Callable[..., list[Trial]], diagnosed_once: Once) -> Diagnosed:
     """A study on a bench that does what the simulation says."""
-    return diagnosed(tmp_path_factory.mktemp("plain"), record(22), watched_figures)
+    return diagnosed_once("plain", lambda: record(22))
 
 
 @pytest.fixture(scope="session")
-def alone(
-    tmp_path_factory: pytest.TempPathFactory, record: Callable[..., list[Trial]], watched_figures: Watch
-) -> Diagnosed:
+def alone(record: Callable[..., list[Trial]], diagnosed_once: Once) -> Diagnosed:
     """A single trial."""
-    trials = record(23, plans=study_plans(depths_mm=(0.5,), repeats=1, **SHORT))
-    return diagnosed(tmp_path_factory.mktemp("alone"), trials, watched_figures)
+    plans = study_plans(depths_mm=(0.5,), repeats=1, **SHORT)
+    return diagnosed_once("alone", lambda: record(23, plans=plans))

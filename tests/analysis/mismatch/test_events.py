@@ -297,7 +297,7 @@ def test_what_changes_slowly_once_or_twice_in_a_trial_is_no_breath(
 
     What is read stays where it went after contact, too: it is the zero.
     """
-    plans = study_plans(depths_mm=(0.4, 0.7), repeats=5, hold_s=5.0, dwell_s=0.4)
+    plans = study_plans(depths_mm=(0.4, 0.7), repeats=3, hold_s=5.0, dwell_s=0.4)
     fit = fit_baseline(take_in_memory(record(62, plans=plans)).trials)
     random = np.random.default_rng(63)
     warmed = []
@@ -316,7 +316,7 @@ def test_what_changes_slowly_once_or_twice_in_a_trial_is_no_breath(
 
 def test_what_bends_at_a_time_of_its_own_goes_on(record: Callable[..., list[Trial]]) -> None:
     """A film pulls ever more from a moment of the hold on: no course that is over before rest ends says as much."""
-    plans = study_plans(depths_mm=(0.4, 0.7), repeats=6, hold_s=7.0, dwell_s=0.6)
+    plans = study_plans(depths_mm=(0.4, 0.7), repeats=4, hold_s=7.0, dwell_s=0.6)
     random = np.random.default_rng(65)
     fit = fit_baseline(take_in_memory(record(64, plans=plans)).trials)
     bent = []
@@ -337,7 +337,7 @@ def test_what_comes_as_a_motion_ends_is_no_shift_of_the_skin(
     record: Callable[..., list[Trial]], after_s: float, is_shift: bool
 ) -> None:
     """A film pulls from first contact on, as the punch comes to rest: in every trial as early as may be."""
-    plans = study_plans(depths_mm=(0.4, 0.7), repeats=4, hold_s=4.0, dwell_s=0.6)
+    plans = study_plans(depths_mm=(0.4, 0.7), repeats=3, hold_s=4.0, dwell_s=0.6)
     fit = fit_baseline(take_in_memory(record(69, plans=plans)).trials)
     random = np.random.default_rng(70)
     shifted = []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.mechanism import FloatArray, Mechanism, Parameter, Values
@@ -49,8 +50,17 @@ class Stiffening(Mechanism):
         """d (1 + b d + ...), or d (d / D)^(p - 1)."""
         if p["exponent"] == 1.0:
             # a power that was fitted may arrive at 1, where it has no curvature of the other form
-            u = p.get("coefficient_per_mm", 0.0) * depth_mm
-            return depth_mm * (1.0 + u + p.get("growth", 0.0) * u * u * (2.0 + u) / 3.0)
+            curved = _curved(depth_mm.ravel(), p.get("coefficient_per_mm", 0.0), p.get("growth", 0.0))
+            return np.asarray(curved.reshape(depth_mm.shape))
         share = np.maximum(depth_mm, 0.0) / (0.5 * trial.study_depth_mm)
         # d^p = exp((p - 1) ln d) d, and 0 where nothing is pressed
         return np.where(share > 0.0, depth_mm * np.maximum(share, 1e-12) ** (p["exponent"] - 1.0), 0.0)
+
+
+@njit(cache=True)
+def _curved(depth_mm: FloatArray, per_mm: float, growth: float) -> FloatArray:
+    found = np.empty_like(depth_mm)
+    for i in range(len(depth_mm)):
+        u = per_mm * depth_mm[i]
+        found[i] = depth_mm[i] * (1.0 + u + growth * u * u * (2.0 + u) / 3.0)
+    return found

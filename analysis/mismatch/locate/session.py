@@ -76,14 +76,16 @@ def find_trend(fit: StudyFit) -> Trend:
     p-value counts as often as was looked.
     """
     used = [j for j, s in enumerate(fit.states) if s.has_tissue]
+    if not used:
+        return NO_TREND
     trials = [fit.trials[j] for j in used]
-    y = np.array([fit.states[j].log_tissue for j in used]).reshape(-1, TISSUE_SIZE)
+    y = np.array([fit.states[j].log_tissue for j in used])
     order = np.array([t.order for t in trials], dtype=np.float64)
-    depth = np.array([[t.depth_mm] for t in trials]).reshape(-1, 1)
+    depth = np.array([[t.depth_mm] for t in trials])
     finger, site = (
         _members(names) for names in ([t.finger for t in trials], [t.site or t.label for t in trials])
     )
-    means = (site / np.maximum(site.sum(axis=0), 1.0)).T
+    means = (site / site.sum(axis=0)).T
     since = order - np.array([order[here > 0.0].min() for here in site.T]) @ site.T
     found = []
     for at in (order, np.log1p(order)):
@@ -123,7 +125,7 @@ def _follows(y: FloatArray, known: FloatArray, course: FloatArray) -> tuple[floa
     (1 - Lambda) / Lambda * (m - 4) / 5 is exactly F(5, m - 4) (Mardia, Kent, Bibby 1979, section 6.3). None where too
     few are left, or hardly any of the course.
     """
-    freedom = len(y) - int(np.linalg.matrix_rank(known)) - TISSUE_SIZE if len(y) else 0
+    freedom = len(y) - int(np.linalg.matrix_rank(known)) - TISSUE_SIZE
     if freedom < LEAST_FREEDOM:
         return None
     y, x = (np.asarray(v - known @ np.linalg.lstsq(known, v, rcond=None)[0]) for v in (y, course))

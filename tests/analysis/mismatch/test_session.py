@@ -62,6 +62,8 @@ def test_of_few_trials_or_where_every_finger_was_pressed_once_nothing_is_said(fi
     soaked = with_tissues(fitted, 1, drift=1.6)
     few = replace(soaked, trials=soaked.trials[:8], states=soaked.states[:8], whiteners=soaked.whiteners[:8])
     assert not find_trend(few).significant
+    in_air = tuple(replace(s, log_tissue=np.zeros(0)) for s in soaked.states)
+    assert not find_trend(replace(soaked, states=in_air)).significant
     each_another = tuple(replace(t, finger=str(j)) for j, t in enumerate(soaked.trials))
     assert not find_trend(replace(soaked, trials=each_another)).significant
 

@@ -26,7 +26,8 @@ LOWEST_BAND_HZ = 5.0
 """From here on what sways may be an instrument's: below it bodies breathe, and their pulses have overtones."""
 BACKGROUND = 61
 MOST_LINES = 6
-NEAR_BINS = 12
+NEAR_BINS, FAR_BINS = 12, 100
+"""Bins within which a tone is one, and to which its skirts are followed."""
 KNOT_S = 1.0
 SHORTEST_S = 0.5
 MAINS_HZ = (50.0, 60.0)
@@ -98,13 +99,14 @@ def find_tones(fit: StudyFit) -> Tones:
     p = np.where(looked, gamma.sf(ratio * m, m), 1.0) * int(looked.sum())
     found: list[Line] = []
     bands: list[tuple[float, float, float]] = []
+    seen: list[int] = []
     for k in np.argsort(-ratio * looked):
         if p[k] > LINE_LEVEL or len(found) + len(bands) == MOST_LINES:
             break
         near = slice(max(0, k - 2), k + 3)
-        known_hz = [line.frequency_hz for line in found] + [frequency_hz for _, frequency_hz, _ in bands]
-        if any(abs(frequency[k] - known) < NEAR_BINS * rate / n for known in known_hz):
+        if any(abs(k - other) < NEAR_BINS for other in seen):
             continue
+        seen.append(int(k))
         excess = np.maximum((powers - local)[:, near].sum(axis=1), 0.0)
         centre = float(
             (frequency[near] * powers[:, near].mean(axis=0)).sum() / powers[:, near].mean(axis=0).sum()
@@ -155,7 +157,7 @@ def beside_tones(fit: StudyFit, *, ideal_step: bool = False) -> tuple[StudyFit, 
 
 
 def _with_skirts(fit: StudyFit) -> tuple[tuple[float, float, float], ...]:
-    """Return the bands of a fit's noise anew, by an octave to either side and what else its noise is."""
+    """Return the bands of a fit's noise anew, by up to an octave to either side and what else its noise is."""
     at_rest, n = _at_rest_together(fit)
     rate, noise = fit.trials[0].sample_rate_hz, fit.noise
     powers = _powers(fit, at_rest, n)
@@ -164,9 +166,10 @@ def _with_skirts(fit: StudyFit) -> tuple[tuple[float, float, float], ...]:
     for band in noise.bands:
         others = replace(noise, bands=tuple(other for other in noise.bands if other != band))
         background = np.tile(0.5 * rate * others.power(frequency, rate), (len(powers), 1))
-        octaves = np.flatnonzero((frequency > 0.5 * band[1]) & (frequency < 2.0 * band[1]))
         at = int(np.abs(frequency - band[1]).argmin())
-        found.append(sways(powers, background, at, octaves, rate) or band)
+        within = slice(max(at - FAR_BINS, at // 2), min(at + FAR_BINS, 2 * at, len(frequency)))
+        about = np.arange(len(frequency))[within]
+        found.append(sways(powers, background, at, about, rate) or band)
     return tuple(found)
 
 

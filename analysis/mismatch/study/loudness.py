@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.special import comb
 from scipy.stats import chi2, ttest_1samp
 
+from analysis.mismatch.levels import FEWEST_HELD_OUT
 from analysis.simulation.cells import CellTrial
 
 FloatArray = NDArray[np.float64]
@@ -33,7 +34,7 @@ def with_loudness(trials: Sequence[CellTrial]) -> list[CellTrial]:
     offsets_mn = [t.offset_start_mn for t in trials]
     largest_mn = max(float(np.abs(t.force_mn - o).max()) for t, o in zip(trials, offsets_mn, strict=True))
     slopes = [s for t in trials if (s := _slope(t, largest_mn)) is not None]
-    if len(slopes) < 3 or not np.ptp(slopes) > 0.0:
+    if len(slopes) < FEWEST_HELD_OUT or not np.ptp(slopes) > 0.0:
         return list(trials)
     if ttest_1samp(slopes, 0.0, alternative="greater").pvalue > RARELY:
         return list(trials)
@@ -42,7 +43,8 @@ def with_loudness(trials: Sequence[CellTrial]) -> list[CellTrial]:
         1.0 + grows * ((t.force_mn - o) / largest_mn) ** 2 for t, o in zip(trials, offsets_mn, strict=True)
     ]
     rests = [np.any([t.in_phase(name) for name in AT_REST], axis=0) * t.counts for t in trials]
-    rest = sum(float(r @ s) for r, s in zip(rests, squares, strict=True)) / sum(float(r.sum()) for r in rests)
+    rested = sum(float(r.sum()) for r in rests)
+    rest = sum(float(r @ s) for r, s in zip(rests, squares, strict=True)) / rested if rested else 1.0
     return [replace(t, louder=np.sqrt(s / rest)) for t, s in zip(trials, squares, strict=True)]
 
 

@@ -50,6 +50,7 @@ def _cells(n: int, seed: int = 2) -> SimpleNamespace:
     used[: n // 10] = False
     return SimpleNamespace(
         by_position=(),
+        louder=None,
         fitted=used,
         time_s=time_s,
         counts=counts,

@@ -43,6 +43,8 @@ MOST_DELAY_SAMPLES = 3.0
 """A position that is read later than that is late by more than converters are."""
 SERVO_SAMPLES = 8
 """Fewest samples on either side of a kink: a recording with less in NEAR_KINK_S is too slow to show a servo."""
+LED_IN = 200
+"""Samples of a steady ramp before a stretch, in which a servo's answer settles."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,22 +137,21 @@ def fit_servo(trials: list[Trial]) -> FoundServo:
             # a stretch must begin at rest or on a steady ramp, or the filter's start would be wrong
             if hi - lo < half or np.ptp(u) < 0.01:
                 continue
-            pieces.append((u, straight_mm[lo:hi], trial.position_mm[lo:hi], trial.sample_rate_hz))
+            commands = tuple(map(_led_in, (u, straight_mm[lo:hi])))
+            pieces.append((commands, trial.position_mm[lo:hi], trial.sample_rate_hz))
     if not pieces:
         return NOMINAL_SERVO
     slowest_hz = min(rate for *_, rate in pieces)
+    pieces = pieces[:MOST_PIECES]
 
     def residual(p: FloatArray, held: bool, straight: bool = False) -> FloatArray:
         wn, zeta, late_s = np.exp(p[0]), np.exp(p[1]), p[2] / slowest_hz if len(p) > 2 else 0.0
         out = []
-        for as_recorded, as_lines, x, rate in pieces[:MOST_PIECES]:
-            u = as_lines if straight else as_recorded
-            lead = np.polynomial.polynomial.polyfit(np.arange(float(SERVO_SAMPLES)), u[:SERVO_SAMPLES], 1)
-            ramp_in = lead[0] + lead[1] * np.arange(-200.0, 0.0)
-            model = follow(np.concatenate([ramp_in, u]), rate, wn, zeta, held=held).position_mm
-            r = x - later(model, late_s * rate)[200:]
-            basis = np.column_stack([np.ones_like(u), u - u.mean()])
-            out.append(r - basis @ np.linalg.lstsq(basis, r, rcond=None)[0])
+        for commands, x, rate in pieces:
+            command, level_and_gain = commands[int(straight)]
+            model = follow(command, rate, wn, zeta, held=held).position_mm
+            r = x - later(model, late_s * rate)[LED_IN:]
+            out.append(r - level_and_gain @ (level_and_gain.T @ r))
         return np.concatenate(out) * 1e3
 
     start = np.log([DEFAULT_NATURAL_FREQUENCY_RAD_S, DEFAULT_DAMPING_RATIO])
@@ -183,6 +184,14 @@ def fit_servo(trials: list[Trial]) -> FoundServo:
         held, best, late_s = False, late, float(late.x[2]) / slowest_hz
     straight = 0.5 * float(np.sum(residual(best.x, held, straight=True) ** 2))
     return FoundServo(of_lines, of_steps, held, likelier(best.cost, straight), of_late, late_s)
+
+
+def _led_in(command_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return a stretch of command (N,) with a steady ramp before it, and a basis (N, 2) of what calibrations change."""
+    lead = np.polynomial.polynomial.polyfit(np.arange(float(SERVO_SAMPLES)), command_mm[:SERVO_SAMPLES], 1)
+    ramp_in = lead[0] + lead[1] * np.arange(-float(LED_IN), 0.0)
+    basis = np.column_stack([np.ones_like(command_mm), command_mm - command_mm.mean()])
+    return np.concatenate([ramp_in, command_mm]), np.linalg.qr(basis)[0]
 
 
 def later(signal: FloatArray, samples: float, *, smooth: bool = True) -> FloatArray:

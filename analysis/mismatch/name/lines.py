@@ -128,7 +128,7 @@ def find_tones(fit: StudyFit) -> Tones:
         line = Line(centre, amplitude_mn, error, float(min(p[k], 1.0)), of_position_mn)
         about = np.arange(max(k - BACKGROUND // 2, 1), min(k + BACKGROUND // 2, len(frequency)))
         band = None if line.name else sways(powers, local, int(k), about, rate)
-        if band is not None:
+        if band is not None and band[1] >= LOWEST_BAND_HZ:
             bands.append(band)
         elif centre >= LOWEST_HZ:
             found.append(line)
@@ -169,7 +169,9 @@ def _with_skirts(fit: StudyFit) -> tuple[tuple[float, float, float], ...]:
         at = int(np.abs(frequency - band[1]).argmin())
         within = slice(max(at - FAR_BINS, at // 2), min(at + FAR_BINS, 2 * at, len(frequency)))
         about = np.arange(len(frequency))[within]
-        found.append(sways(powers, background, at, about, rate) or band)
+        anew = sways(powers, background, at, about, rate)
+        # an overtone of a pulse leads to the pulse
+        found.append(anew if anew and anew[1] >= LOWEST_BAND_HZ else band)
     return tuple(found)
 
 

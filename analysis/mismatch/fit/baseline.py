@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.errors import BadInputError
-from analysis.mismatch.fit.noise import NoiseModel, measure_noise
+from analysis.mismatch.fit.noise import Band, NoiseModel, measure_noise
 from analysis.mismatch.fit.position_noise import freed_of_position_noise
 from analysis.mismatch.fit.slow_noise import with_slow_noise
 from analysis.mismatch.fit.start import longest_s, start_rigid, start_tissue
@@ -36,7 +36,7 @@ def fit_baseline(
     trials: Sequence[CellTrial],
     *,
     ideal_step: bool = False,
-    bands: tuple[tuple[float, float, float], ...] = (),
+    bands: tuple[Band, ...] = (),
 ) -> StudyFit:
     """Return the baseline simulation with noise, of which ``bands`` are known, and population estimated in turn."""
     mean = start_tissue(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,19 +29,26 @@ OF_BANDS = 0.2
 """Share of a spectrum above which what a window leaks of known bands would pass for another part."""
 
 
+class Band(NamedTuple):
+    """A tone that loses its phase, as of a building that sways: v exp(-|lag| / t) cos(2 pi f lag)."""
+
+    variance: float
+    frequency_hz: float
+    lasts_s: float
+
+
 @dataclass(frozen=True, slots=True)
 class NoiseModel:
     """White noise of ``white_mn`` rms a sample, plus parts that went through filters (variance mN^2, time s).
 
     ``parts`` went through one, as Ornstein-Uhlenbeck processes; ``smooth`` ones through two (variance, time, the time
-    of the other, which is shorter), so that their spectrum falls as f^-4. ``bands`` are tones that lose their phase
-    (variance, frequency Hz, time s), as of a building that sways: v exp(-|lag| / t) cos(2 pi f lag).
+    of the other, which is shorter), so that their spectrum falls as f^-4. ``bands`` are tones that lose their phase.
     """
 
     white_mn: float
     parts: tuple[tuple[float, float], ...] = ()
     smooth: tuple[tuple[float, float, float], ...] = ()
-    bands: tuple[tuple[float, float, float], ...] = ()
+    bands: tuple[Band, ...] = ()
 
     def __add__(self, other: NoiseModel) -> NoiseModel:
         """Return the noise of both at once."""
@@ -64,7 +72,7 @@ class NoiseModel:
     @property
     def rms_mn(self) -> float:
         """Rms of a single sample, mN."""
-        correlated = sum(v for v, _ in self.exponentials) + sum(v for v, *_ in self.bands)
+        correlated = sum(v for v, _ in self.exponentials) + sum(band.variance for band in self.bands)
         return float(np.sqrt(self.white_mn**2 + correlated))
 
     def quicker_than(self, time_s: float) -> NoiseModel:
@@ -81,7 +89,7 @@ class NoiseModel:
         """Return noise of the same spectrum that is so much larger."""
         parts = tuple((factor**2 * v, t) for v, t in self.parts)
         smooth = tuple((factor**2 * v, t, u) for v, t, u in self.smooth)
-        bands = tuple((factor**2 * v, f, t) for v, f, t in self.bands)
+        bands = tuple(band._replace(variance=factor**2 * band.variance) for band in self.bands)
         return NoiseModel(factor * self.white_mn, parts, smooth, bands)
 
     def power(self, frequency_hz: FloatArray, sample_rate_hz: float) -> FloatArray:
@@ -101,7 +109,7 @@ def measure_noise(
     segment_s: float = SEGMENT_S,
     *,
     may_be_smooth: bool = False,
-    bands: tuple[tuple[float, float, float], ...] = (),
+    bands: tuple[Band, ...] = (),
 ) -> NoiseModel:
     """Return the noise model that fits the power spectrum of quiet stretches of residual (each (n_i,), mN).
 

@@ -11,10 +11,11 @@ from scipy.ndimage import median_filter
 from scipy.stats import gamma
 
 from analysis.mismatch.fit.baseline import fit_baseline
+from analysis.mismatch.fit.noise import Band
 from analysis.mismatch.fit.study_fit import StudyFit, sampled_alike
 from analysis.mismatch.levels import ENOUGH_ONCE, FEWEST_HELD_OUT, KEPT, LINE_LEVEL
 from analysis.mismatch.locate.quiet import heard_out_of_contact
-from analysis.mismatch.name.sways import sways
+from analysis.mismatch.name.sways import LOWEST_BAND_HZ, sways
 from analysis.simulation.cells import CellTrial
 from analysis.simulation.mechanism import library
 
@@ -22,8 +23,6 @@ FloatArray = NDArray[np.float64]
 
 ROUNDING = float(np.finfo(np.float32).eps)
 LOWEST_HZ = 16.0
-LOWEST_BAND_HZ = 5.0
-"""From here on what sways may be an instrument's: below it bodies breathe, and their pulses have overtones."""
 BACKGROUND = 61
 MOST_LINES = 6
 NEAR_BINS, FAR_BINS = 12, 100
@@ -68,10 +67,10 @@ class Line:
 
 @dataclass(frozen=True)
 class Tones:
-    """Lines, and tones that lose their phase: variance (mN^2), frequency (Hz) and time (s) of each, noise of a band."""
+    """Lines, and tones that lose their phase, which are noise of a band."""
 
     lines: tuple[Line, ...] = ()
-    bands: tuple[tuple[float, float, float], ...] = ()
+    bands: tuple[Band, ...] = ()
 
 
 def find_tones(fit: StudyFit) -> Tones:
@@ -98,7 +97,7 @@ def find_tones(fit: StudyFit) -> Tones:
     looked = (frequency >= LOWEST_BAND_HZ) & (frequency < 0.47 * rate)
     p = np.where(looked, gamma.sf(ratio * m, m), 1.0) * int(looked.sum())
     found: list[Line] = []
-    bands: list[tuple[float, float, float]] = []
+    bands: list[Band] = []
     seen: list[int] = []
     for k in np.argsort(-ratio * looked):
         if p[k] > LINE_LEVEL or len(found) + len(bands) == MOST_LINES:
@@ -128,7 +127,7 @@ def find_tones(fit: StudyFit) -> Tones:
         line = Line(centre, amplitude_mn, error, float(min(p[k], 1.0)), of_position_mn)
         about = np.arange(max(k - BACKGROUND // 2, 1), min(k + BACKGROUND // 2, len(frequency)))
         band = None if line.name else sways(powers, local, int(k), about, rate)
-        if band is not None and band[1] >= LOWEST_BAND_HZ:
+        if band is not None:
             bands.append(band)
         elif centre >= LOWEST_HZ:
             found.append(line)
@@ -149,14 +148,14 @@ def beside_tones(fit: StudyFit, *, ideal_step: bool = False) -> tuple[StudyFit, 
     if tones.bands:
         # their skirts passed for background until what else there is was known
         beside = fit_baseline(trials, ideal_step=ideal_step, bands=_with_skirts(beside))
-    quick = tuple(band for band in beside.noise.bands if band[1] >= LOWEST_HZ)
+    quick = tuple(band for band in beside.noise.bands if band.frequency_hz >= LOWEST_HZ)
     without = replace(beside.noise, bands=quick)
     if without != beside.noise and heard_out_of_contact(beside, without) < ENOUGH_ONCE:
         beside = fit_baseline(trials, ideal_step=ideal_step, bands=quick)
     return beside, tones.lines
 
 
-def _with_skirts(fit: StudyFit) -> tuple[tuple[float, float, float], ...]:
+def _with_skirts(fit: StudyFit) -> tuple[Band, ...]:
     """Return the bands of a fit's noise anew, by up to an octave to either side and what else its noise is."""
     at_rest, n = _at_rest_together(fit)
     rate, noise = fit.trials[0].sample_rate_hz, fit.noise
@@ -166,12 +165,9 @@ def _with_skirts(fit: StudyFit) -> tuple[tuple[float, float, float], ...]:
     for band in noise.bands:
         others = replace(noise, bands=tuple(other for other in noise.bands if other != band))
         background = np.tile(0.5 * rate * others.power(frequency, rate), (len(powers), 1))
-        at = int(np.abs(frequency - band[1]).argmin())
-        within = slice(max(at - FAR_BINS, at // 2), min(at + FAR_BINS, 2 * at, len(frequency)))
-        about = np.arange(len(frequency))[within]
-        anew = sways(powers, background, at, about, rate)
-        # an overtone of a pulse leads to the pulse
-        found.append(anew if anew and anew[1] >= LOWEST_BAND_HZ else band)
+        at = int(np.abs(frequency - band.frequency_hz).argmin())
+        about = np.arange(max(at - FAR_BINS, at // 2), min(at + FAR_BINS, 2 * at, len(frequency)))
+        found.append(sways(powers, background, at, about, rate) or band)
     return tuple(found)
 
 

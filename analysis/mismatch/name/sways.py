@@ -6,10 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from analysis.mismatch.fit.noise import Band
 from analysis.mismatch.levels import ENOUGH_SHARED
 
 FloatArray = NDArray[np.float64]
 
+LOWEST_BAND_HZ = 5.0
+"""From here on what sways may be an instrument's: below it bodies breathe, and their pulses have overtones."""
 FIRST_SHARES = (0.03, 0.3)
 """Of a stretch, from which the time is looked for that a tone keeps its phase."""
 LEAST_CYCLES = 0.5
@@ -18,8 +21,8 @@ LAGS = 512
 
 def sways(
     spectra: FloatArray, local: FloatArray, at: int, near: NDArray[np.intp], rate_hz: float
-) -> tuple[float, float, float] | None:
-    """Return variance (mN^2), frequency (Hz) and time (s) of a tone that loses its phase; None of one that keeps it.
+) -> Band | None:
+    """Return a tone that loses its phase as noise of a band; None of one that keeps it, or leads to what bodies do.
 
     ``spectra`` (S, F) are periodograms of stretches through a Hann window, ``local`` (S, F) their background, ``at``
     the bin of the line, ``near`` (B,) those in which it is looked at.
@@ -54,4 +57,7 @@ def sways(
     if float(lasts.fun) - float(best.fun) < ENOUGH_SHARED:
         return None
     frequency_hz, lasts_s = float(best.x[2]) * rate_hz / n, float(np.exp(best.x[3])) * n / rate_hz
-    return float(np.exp(best.x[0])), frequency_hz, max(lasts_s, LEAST_CYCLES / frequency_hz)
+    if frequency_hz < LOWEST_BAND_HZ:
+        # an overtone of a pulse leads to the pulse
+        return None
+    return Band(float(np.exp(best.x[0])), frequency_hz, max(lasts_s, LEAST_CYCLES / frequency_hz))

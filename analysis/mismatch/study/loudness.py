@@ -12,11 +12,10 @@ from scipy.stats import chi2, ttest_1samp
 
 from analysis.mismatch.levels import FEWEST_HELD_OUT
 from analysis.simulation.cells import CellTrial
+from analysis.simulation.smoothing import NOISE_ORDER
 
 FloatArray = NDArray[np.float64]
 
-ORDER = 4
-"""Of the differences in which a smooth force is nothing, and white noise is left."""
 BLOCK = 64
 """Independent differences of which one force and one noise are read."""
 FEWEST_BLOCKS = 8
@@ -31,17 +30,15 @@ def with_loudness(trials: Sequence[CellTrial]) -> list[CellTrial]:
     A sensor's gain that flickers makes noise of sd^2 = a (1 + b F^2). H0: noise is alike at any force, so that the
     slope b of a trial's squared differences, by least squares, is above nothing by chance (t test over trials).
     """
-    offsets_mn = [t.offset_start_mn for t in trials]
-    largest_mn = max(float(np.abs(t.force_mn - o).max()) for t, o in zip(trials, offsets_mn, strict=True))
+    pressed_mn = [t.force_mn - t.offset_start_mn for t in trials]
+    largest_mn = max(float(np.abs(pressed).max()) for pressed in pressed_mn)
     slopes = [s for t in trials if (s := _slope(t, largest_mn)) is not None]
     if len(slopes) < FEWEST_HELD_OUT or not np.ptp(slopes) > 0.0:
         return list(trials)
     if ttest_1samp(slopes, 0.0, alternative="greater").pvalue > RARELY:
         return list(trials)
     grows = float(np.mean(slopes))
-    squares = [
-        1.0 + grows * ((t.force_mn - o) / largest_mn) ** 2 for t, o in zip(trials, offsets_mn, strict=True)
-    ]
+    squares = [1.0 + grows * (pressed / largest_mn) ** 2 for pressed in pressed_mn]
     rests = [np.any([t.in_phase(name) for name in AT_REST], axis=0) * t.counts for t in trials]
     rested = sum(float(r.sum()) for r in rests)
     rest = sum(float(r @ s) for r, s in zip(rests, squares, strict=True)) / rested if rested else 1.0
@@ -51,14 +48,15 @@ def with_loudness(trials: Sequence[CellTrial]) -> list[CellTrial]:
 def _slope(trial: CellTrial, largest_mn: float) -> float | None:
     """Return by how much of what it is without force a trial's noise variance grows to the largest force."""
     force_mn = trial.full_force_mn.astype(np.float64)
-    jumps = np.diff(force_mn, ORDER)[:: ORDER + 1]
+    # those that share no sample are independent
+    jumps = np.diff(force_mn, NOISE_ORDER)[:: NOISE_ORDER + 1]
     blocks = len(jumps) // BLOCK
     if blocks < FEWEST_BLOCKS or trial.uneven_s is not None or trial.levels is not None:
         return None
-    at = (np.arange(blocks * BLOCK) * (ORDER + 1)).reshape(blocks, BLOCK)
+    at = (np.arange(blocks * BLOCK) * (NOISE_ORDER + 1)).reshape(blocks, BLOCK)
     middle_mn = np.median(force_mn[at], axis=1) - trial.offset_start_mn
     # a median, as a motion that turns and a spike are large
     variance = np.median(jumps[: blocks * BLOCK].reshape(blocks, BLOCK) ** 2, axis=1)
-    variance /= comb(2 * ORDER, ORDER) * chi2.median(1)
+    variance /= comb(2 * NOISE_ORDER, NOISE_ORDER) * chi2.median(1)
     slope, still = np.polyfit((middle_mn / largest_mn) ** 2, variance, 1)
     return float(slope / still) if still > 0.0 else None

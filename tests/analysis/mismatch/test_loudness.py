@@ -34,14 +34,8 @@ def flickering(trials: Sequence[CellTrial], seed: int) -> list[CellTrial]:
         force_mn = trial.at_samples(trial.force_mn - trial.offset_start_mn)
         flicker_mn = 0.3 * np.sqrt(GROWS) * force_mn / largest_mn * random.normal(size=len(force_mn))
         full_mn = trial.full_force_mn + flicker_mn.astype(np.float32)
-        found.append(
-            replace(
-                trial,
-                full_force_mn=full_mn,
-                force_mn=trial.cell_means(full_mn.astype(np.float64)),
-                louder=None,
-            )
-        )
+        force_mn = trial.cell_means(full_mn.astype(np.float64))
+        found.append(replace(trial, full_force_mn=full_mn, force_mn=force_mn))
     return found
 
 

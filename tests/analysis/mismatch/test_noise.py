@@ -12,7 +12,7 @@ from scipy.signal import lfilter, welch
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.evidence.itself import beside_quick_noise, in_smooth_noise
 from analysis.mismatch.fit.baseline import fit_baseline
-from analysis.mismatch.fit.noise import FASTEST_SLOW_S, NoiseModel, measure_noise
+from analysis.mismatch.fit.noise import FASTEST_SLOW_S, Band, NoiseModel, measure_noise
 from analysis.mismatch.fit.slow_noise import (
     EXPONENTS,
     change_in_a_second,
@@ -58,12 +58,10 @@ def _covariance(cells: SimpleNamespace, noise: NoiseModel) -> np.ndarray:
 
 @pytest.mark.parametrize(
     ("smoother", "bands"),
-    [(0.0, ()), (0.04, ()), (0.0, ((0.05, 18.0, 0.3), (0.02, 150.0, 0.02)))],
+    [(0.0, ()), (0.04, ()), (0.0, (Band(0.05, 18.0, 0.3), Band(0.02, 150.0, 0.02)))],
     ids=["through one filter", "through two", "beside bands"],
 )
-def test_whitening_is_the_inverse_cholesky_factor(
-    smoother: float, bands: tuple[tuple[float, float, float], ...]
-) -> None:
+def test_whitening_is_the_inverse_cholesky_factor(smoother: float, bands: tuple[Band, ...]) -> None:
     cells = _cells(60)
     # quicker than a cell, about as long, and longer
     parts = ((0.05, 0.4), (0.02, 0.1), (0.03, 0.006), (0.04, 0.0016))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import tomlkit
 
-from analysis.mismatch.fit.noise import NoiseModel
+from analysis.mismatch.fit.noise import Band, NoiseModel
 from analysis.mismatch.fit.own import force_columns, own_columns
 from analysis.mismatch.fit.trial_fit import fit_trial
 from analysis.mismatch.fit.whitener import Whitener
@@ -83,7 +83,7 @@ def test_twin_behaves_as_the_found_simulation(
 
 def test_noise_of_the_twin_has_the_variance_of_the_model() -> None:
     model = NoiseModel(0.2, ((0.01, 0.002), (0.04, 0.4)))
-    swaying = noise_settings(replace(model, bands=((0.02, 20.0, 0.3),)), 3e-4)
+    swaying = noise_settings(replace(model, bands=(Band(0.02, 20.0, 0.3),)), 3e-4)
     assert swaying["force_mn_rms"] ** 2 == pytest.approx(0.2**2 + 0.01 + 0.02)
     found = noise_settings(model, 3e-4)
     assert found["force_mn_rms"] ** 2 + found["wander_mn_rms"] ** 2 == pytest.approx(model.rms_mn**2)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.mismatch.fit.whitener import Whitener, surprise
+from analysis.mismatch.fit.whitener import Whitener, surprise_of
 from analysis.mismatch.model.effects import Acts, Shared, TrialState, own_effects, simulate
 from analysis.mismatch.model.rhythm import Rhythm, waves
 from analysis.simulation.cells import CellTrial
@@ -81,7 +81,7 @@ def _cost(trial: CellTrial, state: TrialState, shared: Shared, whitener: Whitene
     left = whitener.with_rhythms(())(
         trial.force_mn - simulate(trial, state, shared, where_found(trial, state))
     )
-    return float(left @ left) + sum(surprise(trial, r) for r in state.rhythms)
+    return float(left @ left) + sum(surprise_of(trial, r) for r in state.rhythms)
 
 
 def where_found(trial: CellTrial, state: TrialState) -> dict[Acts, FloatArray]:

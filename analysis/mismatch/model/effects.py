@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from analysis.mismatch.model.rhythm import Rhythm
@@ -221,16 +222,26 @@ def later(trial: CellTrial, force_mn: FloatArray, samples: float) -> FloatArray:
     By a sample at a time, as no cell is shorter. A filter as slow would round the corners of a ramp, and go on straight
     beyond them where the force comes first: 1.2 samples at 10 mm/s were a dashpot.
     """
-    gaps_s, read = np.diff(trial.time_s), np.array(force_mn)
+    steps, read = trial.steps, np.array(force_mn)
     left = abs(samples)
     while left > 0.0:
-        part = np.minimum(min(left, 1.0) / trial.sample_rate_hz / gaps_s, 1.0)
-        if samples > 0.0:
-            read[..., 1:] -= part * np.diff(read)
-        else:
-            read[..., :-1] += part * np.diff(read)
+        part = np.minimum(min(left, 1.0) / trial.sample_rate_hz / steps.lengths_s, 1.0)
+        _move_along(read.reshape(-1, read.shape[-1]), part, steps.index, samples > 0.0)
         left -= 1.0
     return read
+
+
+@njit(cache=True)
+def _move_along(rows: FloatArray, part: FloatArray, step: IntArray, later: bool) -> None:
+    """Move rows (m, n) in place part of each step (of its kind) towards the point before, or after it if earlier."""
+    m, n = rows.shape
+    for row in range(m):
+        if later:
+            for i in range(n - 1, 0, -1):
+                rows[row, i] -= part[step[i - 1]] * (rows[row, i] - rows[row, i - 1])
+        else:
+            for i in range(n - 1):
+                rows[row, i] += part[step[i]] * (rows[row, i + 1] - rows[row, i])
 
 
 def tissue_force(trial: CellTrial, state: TrialState, shared: Shared) -> FloatArray:

@@ -17,17 +17,20 @@ from analysis.mismatch.fit.contacts import contacts_begun_anew
 from analysis.mismatch.fit.noise import NoiseModel
 from analysis.mismatch.fit.rhythms import followed, with_rhythm
 from analysis.mismatch.fit.study_fit import StudyFit
-from analysis.mismatch.fit.whitener import Whitener
+from analysis.mismatch.fit.whitener import Whitener, surprise_of
 from analysis.mismatch.model.effects import simulate, tissue_force, touches
 from analysis.mismatch.model.rhythm import Rhythm, overtones, waves
 from analysis.mismatch.name import oscillations
 from analysis.mismatch.name.events import step_shape
 from analysis.mismatch.name.options import own_options
 from analysis.mismatch.name.oscillations import (
+    LOWEST_HZ,
     WANDERS,
     OscillationScan,
     hat_waves,
+    name_of,
     scan_oscillations,
+    tuned_hz,
     with_oscillation,
 )
 from analysis.mismatch.name.own_sizes import WouldDo, own_sizes, would_do
@@ -92,6 +95,11 @@ def test_a_rhythm_is_weighed_and_found_as_by_dense_matrices() -> None:
         for wave in range(of_it.shape[1]):
             expected = _dense(cells, rhythm, wave)[:, used] @ np.linalg.solve(K, columns[used, 0])
             np.testing.assert_allclose(of_it[:, wave], expected, atol=1e-10)
+    apart_s = np.abs(cells.time_s[:, None] - cells.time_s)
+    for rhythm in (replace(r, amplitudes=a) for r, a in zip(rhythms, found, strict=True)):
+        each = zip(rhythm.amplitudes.T, rhythm.waves_coherent_s, strict=True)
+        expected = sum(a @ np.linalg.solve(np.exp(-apart_s / tau_s), a) for a, tau_s in each)
+        assert surprise_of(cells, rhythm) == pytest.approx(expected, rel=1e-8)
 
 
 def test_overtones_of_what_is_a_little_off_are_off_by_more(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -141,6 +149,16 @@ def test_a_rhythm_is_named_by_where_it_is_and_not_by_where_it_was_looked_for(
     quick = Account(fit_baseline(take_in_memory(record(68, pulse, plans)).trials)).quick()
     found = scan_oscillations(quick.fit)
     assert (found.name, found.frequency_hz) == ("heartbeat", 0.93)
+
+
+def test_a_rhythm_is_tuned_no_lower_than_one_is_looked_for(record: Callable[..., list[Trial]]) -> None:
+    """What drifts draws the slowest wave that is tried to where it is none: a breath of 0.19 Hz was beyond its band."""
+    slower = '[[effects]]\nname = "respiration"\namplitude_um = 15.0\nfrequency_hz = 0.085\n'
+    plans = study_plans(depths_mm=(0.5,), repeats=4, hold_s=6.0, dwell_s=0.4)
+    fit = fit_baseline(take_in_memory(record(69, slower, plans)).trials)
+    tuned = tuned_hz(fit, OscillationScan(100.0, LOWEST_HZ, 0.01, "", np.zeros(0)))
+    assert min(tuned.values()) == pytest.approx(LOWEST_HZ * (1.0 - WANDERS))
+    assert {name_of(hz) for hz in tuned.values()} == {"respiration"}
 
 
 def test_what_is_left_open_is_as_large_as_what_is_not_found() -> None:
@@ -426,16 +444,24 @@ def test_what_turns_slower_than_a_breath_is_none(record: Callable[..., list[Tria
         assert anywhere.is_likely(breath) is is_breath
 
 
-def _on_a_pulse(record: Callable[..., list[Trial]], amplitude_um: float, seed: int) -> StudyFit:
+def _on_a_pulse(
+    record: Callable[..., list[Trial]],
+    amplitude_um: float,
+    seed: int,
+    hold_s: float = 3.0,
+    dwell_s: float = 1.0,
+) -> StudyFit:
     """Return the baseline of a study with a pulse under a punch that dwells 40 to 140 um deep."""
     pulse = f'[[effects]]\nname = "heartbeat"\namplitude_um = {amplitude_um}\nfrequency_hz = 1.2\n'
-    plans = study_plans(depths_mm=(0.5,), repeats=4, hold_s=3.0, dwell_s=1.0)
+    plans = study_plans(depths_mm=(0.5,), repeats=4, hold_s=hold_s, dwell_s=dwell_s)
     return fit_baseline(take_in_memory(record(seed, pulse, plans)).trials)
 
 
-def _with_a_pulse(record: Callable[..., list[Trial]], amplitude_um: float) -> Account:
+def _with_a_pulse(
+    record: Callable[..., list[Trial]], amplitude_um: float, hold_s: float = 3.0, dwell_s: float = 1.0
+) -> Account:
     """Return a study with such a pulse, each trial fitted."""
-    start = Account(_on_a_pulse(record, amplitude_um, 66))
+    start = Account(_on_a_pulse(record, amplitude_um, 66, hold_s, dwell_s))
     return own_options(start.quick(), "heartbeat")[0].refit()
 
 
@@ -450,7 +476,7 @@ def test_a_contact_that_small_steps_leave_too_low_is_begun_anew(
     record: Callable[..., list[Trial]],
 ) -> None:
     """Skin goes to and fro by more than the punch is in it: 65 um too deep, no step finds back to where it touches."""
-    pulse = _with_a_pulse(record, 90.0)
+    pulse = _with_a_pulse(record, 90.0, hold_s=6.0, dwell_s=3.0)
     # each trial where it touches: what a last digit leads astray in one of them hides what is stuck in another
     pulse = replace(pulse, fit=contacts_begun_anew(pulse.fit))
     first, *others = pulse.fit.states

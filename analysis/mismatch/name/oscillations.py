@@ -181,12 +181,12 @@ def tuned_hz(fit: StudyFit, scan: OscillationScan) -> dict[int, float]:
 
     A body's differ by `WANDERS` between trials: each is drawn from about one of the study, the likeliest of all. Its
     form is right to a tenth: what explains so much less is as likely as what is one standard deviation away. So few
-    cycles tell little of their frequency, where another effect that is still missing would have it anywhere.
+    cycles tell little of their frequency, where another effect that is still missing would have it anywhere, but for
+    where none is looked for.
     """
-    reach_hz = WANDERS * scan.frequency_hz + min(
-        SPACING / coherent_s(scan.frequency_hz), TUNED_SHARE * scan.frequency_hz
-    )
-    tried_hz = scan.frequency_hz + np.linspace(-1.0, 1.0, TUNED) * reach_hz
+    at_hz = scan.frequency_hz
+    reach_hz = WANDERS * at_hz + min(SPACING / coherent_s(at_hz), TUNED_SHARE * at_hz)
+    tried_hz = np.linspace(max(at_hz - reach_hz, LOWEST_HZ * (1.0 - WANDERS)), at_hz + reach_hz, TUNED)
     skin = _on_skin(fit)
     gains = np.array([steady_gains(fit, j, tried_hz, scan.size_mm) for j in skin])
     away = (tried_hz - tried_hz[:, None]) / (WANDERS * tried_hz[:, None])

@@ -13,6 +13,7 @@ from analysis.mismatch.fit.slow_noise import restricted_deviance
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.model.effects import OwnShape, OwnShapes, TrialState, tissue_force
 from analysis.simulation.cells import CellTrial
+from analysis.simulation.samples import kept_by_mean
 
 SHARES = (1.0, 0.5, 0.25, 0.1, 0.03, 0.01, 0.0)
 """Shares of the variance of correlated noise that are tried out of contact."""
@@ -21,10 +22,13 @@ FEWEST_CELLS = 50
 
 @dataclass(frozen=True)
 class Quiet:
-    """The noise out of contact, and how many nats likelier it is there than that of the whole trials."""
+    """The noise out of contact, how many nats likelier it is there than that of whole trials, and what is heard in
+    contact alone: the force's rms (mN) about its mean over a hold.
+    """
 
     noise: NoiseModel
     gain: float
+    wander_mn: float = 0.0
 
 
 def out_of_contact(fit: StudyFit) -> Quiet:
@@ -41,7 +45,11 @@ def out_of_contact(fit: StudyFit) -> Quiet:
     tried = [white + others.times(float(np.sqrt(s))) for s in SHARES]
     deviances = [restricted_deviance(away, n) for n in tried]
     best = int(np.argmin(deviances))
-    return Quiet(tried[best], 0.5 * (deviances[0] - deviances[best]))
+    hold_s = float(np.median([np.ptp(t.hold_window_s) for t in fit.trials]))
+    about_mean = sum(v * (1.0 - kept_by_mean(np.array(hold_s / t_s))) for v, t_s in noise.exponentials)
+    swaying = sum(band.variance for band in noise.bands)
+    wander_mn = float(np.sqrt((1.0 - SHARES[best]) * max(about_mean + swaying, 0.0)))
+    return Quiet(tried[best], 0.5 * (deviances[0] - deviances[best]), wander_mn)
 
 
 def heard_out_of_contact(fit: StudyFit, without: NoiseModel) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,17 @@ from analysis.recordings.trial import PHASE_NAMES
 FloatArray = NDArray[np.float64]
 
 
+class Wander(NamedTuple):
+    """What wanders in contact alone: evidence in nats, share of everything beyond the noise, the force's rms, mN."""
+
+    nats: float
+    share: float
+    rms_mn: float
+
+
+NO_WANDER = Wander(0.0, 0.0, 0.0)
+
+
 @dataclass(frozen=True)
 class Remainder:
     """Evidence in nats for a shape that all trials have in common, for what differs from trial to trial, for bursts.
@@ -31,7 +43,8 @@ class Remainder:
     ``trend`` is what changes over the session; ``inexact`` the part of the evidence for the laws that comes of granting
     that they are off.
 
-    ``share`` is what part of everything beyond the noise it is, weighed by the noise that is left beside it.
+    ``share`` is what part of everything beyond the noise it is, weighed by the noise that is left beside it. What
+    wanders in contact alone counts from a tenth of a tolerance on: no living skin keeps quite still.
     """
 
     common: float
@@ -40,6 +53,13 @@ class Remainder:
     bursts: Bursts
     trend: Trend = NO_TREND
     inexact: float = 0.0
+    wander: Wander = NO_WANDER
+
+    def beyond(self, tolerance_mn: float) -> Remainder:
+        """Return the remainder with what wanders in contact alone, if that is no small share of a tolerance."""
+        if self.wander.rms_mn < SMALL_SHARE * tolerance_mn or self.wander.nats <= self.evidence:
+            return self
+        return replace(self, own=self.wander.nats, share=self.wander.share)
 
     @property
     def evidence(self) -> float:
@@ -49,7 +69,7 @@ class Remainder:
     @property
     def lasts(self) -> bool:
         """Whether more than noise is left that is neither a burst nor a trend: it is somewhere in the phases."""
-        return max(self.common, self.own) > ENOUGH_OWN
+        return max(self.common, self.own, self.wander.nats) > ENOUGH_OWN
 
     @property
     def significant(self) -> bool:
@@ -110,12 +130,6 @@ def remainder_of(account: Account, nothing: Account) -> Remainder:
     """
     bare = nothing.at_noise(account.fit.noise)
     best = _common(account, bare)
-    quiet = out_of_contact(account.fit)
-    if quiet.gain > best.evidence:
-        there = account.at_noise(quiet.noise)
-        wander = account.gain_over(there)[0]
-        explained = max(there.gain_over(nothing.at_noise(quiet.noise))[0], 0.0)
-        best = replace(best, own=quiet.gain, share=max(wander, 0.0) / max(wander + explained, 1e-12))
     quick = account.quick()
     if quick is not account:
         # the shape is looked for where no slow noise is granted; what is left without it is the noise beside it
@@ -129,7 +143,20 @@ def remainder_of(account: Account, nothing: Account) -> Remainder:
     if trend.significant and trend.evidence > best.evidence:
         explained = max(account.gain_over(nothing)[0], 0.0)
         best = replace(best, share=trend.evidence / (trend.evidence + explained))
-    return replace(best, bursts=bursts, trend=trend, inexact=_off(account, bare))
+    return replace(
+        best, bursts=bursts, trend=trend, inexact=_off(account, bare), wander=_wander(account, nothing)
+    )
+
+
+def _wander(account: Account, nothing: Account) -> Wander:
+    """Return what wanders in contact alone beside an account; ``nothing`` is the one without effects."""
+    quiet = out_of_contact(account.fit)
+    if quiet.gain <= ENOUGH_OWN:
+        return Wander(quiet.gain, 0.0, 0.0)
+    there = account.at_noise(quiet.noise)
+    wander = max(account.gain_over(there)[0], 0.0)
+    explained = max(there.gain_over(nothing.at_noise(quiet.noise))[0], 0.0)
+    return Wander(quiet.gain, wander / max(wander + explained, 1e-12), quiet.wander_mn)
 
 
 def _off(account: Account, bare: Account) -> float:

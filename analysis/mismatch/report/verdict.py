@@ -37,6 +37,7 @@ SMALLEST_SHARE = 0.005
 def make_report(diagnosis: Diagnosis, *, baseline: str, seed: int, tolerance_mn: float) -> Report:
     """Put a diagnosis into the words and numbers of the report."""
     tolerance_mn, tolerated = _tolerance(diagnosis, tolerance_mn)
+    diagnosis = replace(diagnosis, remainder=diagnosis.remainder.beyond(tolerance_mn))
     kept = kept_findings(diagnosis)
     improved = diagnosis.improved if kept else diagnosis.baseline
     mechanisms = _mechanisms(diagnosis, kept)

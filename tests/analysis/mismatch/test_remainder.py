@@ -7,9 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.fit.baseline import fit_baseline
+from analysis.mismatch.levels import ENOUGH_OWN
 from analysis.mismatch.locate.remainder import Nameless, is_small, nameless_of, remainder_of
 from analysis.mismatch.locate.windows import PLACES, course_columns, own_evidence
 from analysis.mismatch.model.effects import OwnShape
@@ -92,3 +94,33 @@ def test_what_goes_to_and_fro_in_a_motion_is_no_noise(
     if size_mn:
         odds = own_evidence(nothing.fit)[1]
         assert PLACES[int(np.argmax(odds))].phase == "retract"
+
+
+@pytest.mark.parametrize("everywhere", [False, True])
+def test_what_wanders_in_contact_alone_counts_from_a_tenth_of_the_tolerance(
+    record: Callable[..., list[Trial]], everywhere: bool
+) -> None:
+    """Skin that moves by itself is no noise of the sensor, which is heard before and after contact too."""
+    random = np.random.default_rng(11)
+    trials = []
+    for trial in take_in_memory(
+        record(49, plans=study_plans(depths_mm=(0.5,), repeats=6, hold_s=4.0))
+    ).trials:
+        lasts = np.exp(-1.0 / (0.1 * trial.sample_rate_hz))
+        anew = 0.2 * np.sqrt(1.0 - lasts**2) * random.standard_normal(len(trial.full_force_mn))
+        touched = np.any([trial.in_phase(name) for name in ("dwell", "ramp", "hold")], axis=0)
+        wander_mn = lfilter([1.0], [1.0, -lasts], anew) * (
+            everywhere or np.repeat(touched, trial.counts.astype(int))
+        )
+        force_mn = trial.force_mn + trial.cell_means(wander_mn)
+        full_mn = (trial.full_force_mn + wander_mn).astype(np.float32)
+        trials.append(replace(trial, force_mn=force_mn, full_force_mn=full_mn))
+    account = Account(fit_baseline(trials))
+    remainder = remainder_of(account, account)
+    if everywhere:
+        assert remainder.wander.nats < ENOUGH_OWN
+        return
+    assert remainder.wander.nats > ENOUGH_OWN
+    assert remainder.wander.rms_mn == pytest.approx(0.2, rel=0.25)
+    assert remainder.beyond(1.0).own == remainder.wander.nats
+    assert remainder.beyond(3.0) is remainder

@@ -11,7 +11,8 @@ from scipy.signal import lfilter, welch
 
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.evidence.itself import beside_quick_noise, in_smooth_noise
-from analysis.mismatch.fit.baseline import fit_baseline
+from analysis.mismatch.fit import baseline
+from analysis.mismatch.fit.baseline import fit_baseline, noise_left
 from analysis.mismatch.fit.noise import FASTEST_SLOW_S, Band, NoiseModel, measure_noise
 from analysis.mismatch.fit.slow_noise import (
     EXPONENTS,
@@ -155,6 +156,22 @@ def test_noise_is_no_less_for_what_a_tissue_has_taken_out_of_it() -> None:
         noise = rng.normal(0.0, 0.25, 24000)
         residuals.append(noise - slow @ (slow.T @ noise))
     assert measure_noise(residuals, 8000.0).rms_mn == pytest.approx(0.25, rel=0.04)
+
+
+@pytest.mark.parametrize("times", [0.7, 1.0, 1.4])
+def test_of_noise_measured_anew_and_before_the_likelier_at_rest_stands(
+    record: Callable[..., list[Trial]], monkeypatch: pytest.MonkeyPatch, times: float
+) -> None:
+    """Two sums of filtered parts that are as near to a spectrum were hundreds of nats apart."""
+    fit = fit_baseline(take_in_memory(record(58)).trials)
+    right = fit.noise.quicker_than(FASTEST_SLOW_S)
+    other = NoiseModel(times * right.white_mn, (((0.1 * right.white_mn) ** 2, 0.0064),))
+    other_stood = noise_left(fit.weighed_by(other)).quicker_than(FASTEST_SLOW_S)
+    monkeypatch.setattr(baseline, "noise_of", lambda *_, **__: other)
+    other_measured = noise_left(fit).quicker_than(FASTEST_SLOW_S)
+    for found in (other_stood, other_measured):
+        assert found.rms_mn == pytest.approx(right.rms_mn, rel=1e-3)
+        assert [t_s for _, t_s in found.parts] == [t_s for _, t_s in right.parts]
 
 
 def test_slow_noise_is_found_from_wherever_it_was_before(record: Callable[..., list[Trial]]) -> None:

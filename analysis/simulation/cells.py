@@ -219,9 +219,9 @@ class CellTrial:
         """Whether the offset is fitted: a hold by itself can't tell it from the stiffness, so there it is measured."""
         return bool(self.fitted.all())
 
-    def in_phase(self, name: str) -> NDArray[np.bool_]:
-        """Mask (n,) of the cells of a phase."""
-        return np.asarray(self.phase == PHASE_NAMES.index(name))
+    def in_phase(self, *names: str) -> NDArray[np.bool_]:
+        """Mask (n,) of the cells of a phase, or of several."""
+        return np.asarray(np.logical_or.reduce([self.phase == PHASE_NAMES.index(name) for name in names]))
 
     @cached_property
     def angle_travel_mm(self) -> FloatArray:
@@ -278,8 +278,7 @@ class CellTrial:
     @cached_property
     def retracting(self) -> NDArray[np.bool_]:
         """Mask (n,) of the cells from the retract on."""
-        mask = self.in_phase("retract") | self.in_phase("clear")
-        return mask
+        return self.in_phase("retract", "clear")
 
 
 def moves(velocity_mm_s: FloatArray) -> NDArray[np.bool_]:

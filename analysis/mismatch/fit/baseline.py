@@ -25,6 +25,8 @@ FloatArray = NDArray[np.float64]
 
 SETTLES_S = 0.15
 SHORTEST = 64
+HEARD_IN = (*AT_REST, "sweep")
+"""Phases in which noise is measured: at rest, and in air."""
 FIRST_SLOW = (0.02, 0.1)
 """Variance (in units of white) and time (s) of the slow noise that is assumed before any was measured."""
 NOISE_ROUNDS = 2
@@ -121,7 +123,7 @@ def _at_rest(fit: StudyFit) -> list[FloatArray]:
     pieces: dict[tuple[str, str], list[FloatArray]] = {}
     for j, t in enumerate(fit.trials):
         residual = fit.drawn_residual_mn(j)
-        for name in (*AT_REST, "sweep"):
+        for name in HEARD_IN:
             cells = np.flatnonzero(t.in_phase(name))
             if not len(cells):
                 continue
@@ -147,10 +149,7 @@ def _likelier_at_rest(fit: StudyFit, quick: NoiseModel) -> NoiseModel:
     known = fit.noise.quicker_than(FASTEST_SLOW_S)
     if known == quick or not tells_noise(fit.trials):
         return quick
-    resting = tuple(
-        replace(t, fitted=t.fitted & np.any([t.in_phase(name) for name in (*AT_REST, "sweep")], axis=0))
-        for t in fit.trials
-    )
+    resting = tuple(replace(t, fitted=t.fitted & t.in_phase(*HEARD_IN)) for t in fit.trials)
     if not all(t.fitted.any() for t in resting):
         return quick
     at_rest, slow = replace(fit, trials=resting), fit.noise.slower_from(FASTEST_SLOW_S)

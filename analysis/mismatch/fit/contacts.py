@@ -50,7 +50,7 @@ def _moves_mm(fit: StudyFit, j: int) -> float:
     trial, state = fit.trials[j], fit.states[j]
     if not state.rhythms:
         return 0.0
-    at_rest = np.any([trial.in_phase(name) for name in AT_REST], axis=0)
+    at_rest = trial.in_phase(*AT_REST)
     if not np.any(at_rest):
         return 0.0
     surface_mm = where_found(trial, state)["surface"]

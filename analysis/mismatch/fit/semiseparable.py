@@ -2,7 +2,7 @@
 
 Element (i, k), i > k, is the sum over J of U[i] times V[k] times all decays between; L has W in place of V, and ones on
 its diagonal (Foreman-Mackey et al., Astron. J. 154:220, 2017). Most of a diagnosis is that: here it takes a third of
-the time of `celerite2` or less, which does what is asked for less often.
+the time of `celerite2` or less. What is asked for less often that does.
 """
 
 from __future__ import annotations

@@ -121,7 +121,7 @@ def _own_window(trial: CellTrial, window: Window, effect: FloatArray) -> tuple[f
 
 
 def _motion_of(trial: CellTrial) -> tuple[float, float]:
-    moving = trial.in_phase("ramp") | trial.in_phase("sweep")
+    moving = trial.in_phase("ramp", "sweep")
     moving = moving if moving.any() else trial.fitted
     t = trial.time_s[moving]
     margin = 0.5 * float(t[-1] - t[0])

@@ -39,7 +39,7 @@ def with_loudness(trials: Sequence[CellTrial]) -> list[CellTrial]:
         return list(trials)
     grows = float(np.mean(slopes))
     squares = [1.0 + grows * (pressed / largest_mn) ** 2 for pressed in pressed_mn]
-    rests = [np.any([t.in_phase(name) for name in AT_REST], axis=0) * t.counts for t in trials]
+    rests = [t.in_phase(*AT_REST) * t.counts for t in trials]
     rested = sum(float(r.sum()) for r in rests)
     rest = sum(float(r @ s) for r, s in zip(rests, squares, strict=True)) / rested if rested else 1.0
     return [replace(t, louder=np.sqrt(s / rest)) for t, s in zip(trials, squares, strict=True)]

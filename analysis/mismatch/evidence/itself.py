@@ -115,12 +115,13 @@ def brings_itself(account: Account, name: str) -> bool:
     struck is no arm's mass. What has no name has no textbook either.
     """
     exact = account.exact
-    textbook = as_textbook(exact.fit, name)
-    if textbook is exact.fit or name not in library():
+    if name not in library() or as_textbook(exact.fit, name) is exact.fit:
         return True
     nothing, whole = (fit_laws(fit).cost for fit in (exact.stripped(name).fit, exact.fit))
     asked = KEPT * (nothing - whole)
-    return any(nothing - fit_laws(fit).cost >= asked for fit in of_sizes(textbook, name))
+    # two of its inner parameters may make up for each other: drawn back one by one they are worse than as they were
+    forms = (as_textbook(exact.fit, name, most=most) for most in (1.0, 0.0))
+    return any(nothing - fit_laws(fit).cost >= asked for form in forms for fit in of_sizes(form, name))
 
 
 def of_sizes(fit: StudyFit, name: str) -> Iterator[StudyFit]:
@@ -133,13 +134,13 @@ def of_sizes(fit: StudyFit, name: str) -> Iterator[StudyFit]:
             yield from (replace(fit, shared=s) for s in shared)
 
 
-def as_textbook(fit: StudyFit, name: str) -> StudyFit:
+def as_textbook(fit: StudyFit, name: str, *, most: float = 1.0) -> StudyFit:
     """Return the fit with one of its effects nearly in a form of its textbook; itself where it does nothing besides.
 
-    What differs from site to site is the skin's, in the textbook too.
+    What differs from site to site is the skin's, in the textbook too. ``most`` is as in `near_textbook`.
     """
     forms = [t.as_law(1.0) for t in templates(fit.trials) if t.name == name]
-    laws = tuple(near_textbook(law, forms) if law.name == name else law for law in fit.shared.laws)
+    laws = tuple(near_textbook(law, forms, most=most) if law.name == name else law for law in fit.shared.laws)
     states = tuple(
         s.with_only([k for k, x in enumerate(s.shapes) if x.effect != name or not x.kind or x.is_number])
         for s in fit.states
@@ -150,10 +151,11 @@ def as_textbook(fit: StudyFit, name: str) -> StudyFit:
     return replace(fit, shared=replace(fit.shared, laws=laws), states=states)
 
 
-def near_textbook(law: Law, forms: Sequence[Law]) -> Law:
-    """Return the law with its inner parameters as far as was expected, at most, from the nearest of a textbook's forms.
+def near_textbook(law: Law, forms: Sequence[Law], *, most: float = 1.0) -> Law:
+    """Return the law with its inner parameters near those of the nearest of a textbook's forms, where they stay.
 
-    They are not fitted there. ``forms`` are those in which the library has the law.
+    ``forms`` are those in which the library has the law, ``most`` how many standard deviations of what was expected
+    they may be away.
     """
     known = law_prior([law])[0]
     inner = [(p, float(of_it)) for p, of_it in zip(law.parameters, known, strict=False) if p.inner]
@@ -165,9 +167,9 @@ def near_textbook(law: Law, forms: Sequence[Law]) -> Law:
     values = dict(law.values)
     for p, of_it in inner:
         far = away(nearest, p, of_it)
-        if abs(far) > 1.0:
+        if abs(far) > most:
             values[p.name] = p.from_fit(
-                p.to_fit(nearest.values[p.name]) + float(np.sign(far) / np.sqrt(of_it))
+                p.to_fit(nearest.values[p.name]) + most * float(np.sign(far) / np.sqrt(of_it))
             )
     fixed = {p.name for p, _ in inner}
     return replace(law, values=values, free=tuple(name for name in law.free if name not in fixed))

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.evidence.itself import beside_quick_noise, in_smooth_noise
 from analysis.mismatch.levels import ENOUGH_SHARED, MOST_EFFECTS
-from analysis.mismatch.name.exchange import named_for_nameless, one_for_two
 from analysis.mismatch.name.options import begun_again
 from analysis.mismatch.name.profile import at_likeliest
 from analysis.mismatch.name.pruning import pruned
@@ -33,8 +30,7 @@ def search(account: Account) -> Named:
         rivals = before.rivals | ({lead.name: (lead,)} if lead else {})
         rivals = {name: instead(others, step) for name, others in rivals.items()} | {best.name: step}
         account, adds = pruned(begun_again(best.settled_account(), best.name, start), best, start)
-        named = named_for_nameless(Named(account, rivals, adds), best.name, start)
-        account, nats = named.account, before.account.nats
+        named, nats = Named(account, rivals, adds), before.account.nats
         needless = account.nats < nats + (0.0 if best.name in account.names else ENOUGH_SHARED)
         if needless and account.nats > nats and before is stands:
             stands = named
@@ -47,8 +43,7 @@ def search(account: Account) -> Named:
             # nor is it with one more beside it
             break
     # what was considered later says who stood in an effect's place by chance, also where nothing of it was taken
-    stands = one_for_two(replace(stands, rivals=named.rivals), start)
-    found = {name: stands.rivals[name] for name in stands.account.names}
+    found = {name: named.rivals[name] for name in stands.account.names}
     account, errors = at_likeliest(in_smooth_noise(told_apart(stands.account, found)))
     return Named(account, found, stands.adds, errors)
 

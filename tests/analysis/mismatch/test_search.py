@@ -22,11 +22,11 @@ from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import ENOUGH_OWN, ENOUGH_SHARED, INEXACT, ROUGH, SURE, UNFORESEEN
 from analysis.mismatch.model.effects import TISSUE_SIZE, Law, Shared
 from analysis.mismatch.model.population import Population
-from analysis.mismatch.name import exchange, options, pruning, search, tries, weighing
+from analysis.mismatch.name import options, pruning, search, tries, weighing
 from analysis.mismatch.name.events import EVENTS
 from analysis.mismatch.name.options import Option, added, begun_again, own_options
 from analysis.mismatch.name.pruning import pruned
-from analysis.mismatch.name.rivals import Named, Rival, as_they_stand, best_first, instead
+from analysis.mismatch.name.rivals import Rival, as_they_stand, best_first, instead
 from analysis.mismatch.name.tries import worth_trying
 from analysis.mismatch.name.weighing import considered, stands_for_shape
 from analysis.mismatch.study.intake import take_in_memory
@@ -621,10 +621,9 @@ def test_what_is_missing_leads_others_no_further_than_to_nothing(
 
 
 def _take_as_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let a search take every account as it was found: nothing begun again, pruned, exchanged or weighed anew."""
+    """Let a search take every account as it was found: nothing begun again, pruned or weighed anew."""
     monkeypatch.setattr(search, "begun_again", lambda account, name, nothing: account)
     monkeypatch.setattr(search, "pruned", lambda account, *_: (account, {}))
-    monkeypatch.setattr(search, "one_for_two", lambda named, start: named)
     monkeypatch.setattr(search, "told_apart", lambda account, rivals: account)
     monkeypatch.setattr(search, "in_smooth_noise", lambda account: account)
 
@@ -659,7 +658,6 @@ def test_a_second_shape_without_a_name_is_not_looked_for(
     steps = [[Rival("zero_step", 900.0, 1.0, zero)], [Rival(second, 3100.0, 1.0, both)], []]
     monkeypatch.setattr(search, "next_step", lambda *_: (tuple(steps.pop(0)), None))
     _take_as_found(monkeypatch)
-    monkeypatch.setattr(search, "named_for_nameless", lambda named, *_: named)
     assert search.search(NOTHING).account is (both if taken else zero)
 
 
@@ -812,98 +810,6 @@ def test_a_law_may_leave_more_than_there_was(record: Callable[..., list[Trial]])
     first = considered(account, account, {})[0]
     assert first.name == "adhesion"
     assert first.account.fit.left_mn > 1.1 * account.fit.left_mn
-
-
-@pytest.mark.parametrize(
-    ("third", "of_one", "of_arm", "alone", "names"),
-    [
-        ("force_lag", 960.0, 0.0, 0.0, ("force_lag", "power_law_relaxation")),
-        ("force_lag", 960.0, 0.0, 955.0, ("power_law_relaxation",)),
-        ("force_lag", 800.0, 990.0, 0.0, ("force_lag", "poroelastic_drainage", "third_relaxation")),
-        ("adhesion", 960.0, 0.0, 0.0, ("adhesion", "power_law_relaxation")),
-        ("force_drift", 960.0, 990.0, 0.0, ("force_drift", "third_relaxation")),
-    ],
-    ids=[
-        "as good",
-        "as good alone",
-        "worse",
-        "whatever is beside it",
-        "and one of the two is better still",
-    ],
-)
-def test_one_law_stands_in_place_of_two_of_its_stage(
-    monkeypatch: pytest.MonkeyPatch,
-    third: str,
-    of_one: float,
-    of_arm: float,
-    alone: float,
-    names: tuple[str, ...],
-) -> None:
-    """A power law was not itself while a lag was missing: a drainage and an arm were in its place.
-
-    A third arm was in place of a dashpot that brought more than it, beside a power law that brought next to nothing.
-    A lag of 0.03 ms made up for a dashpot that a power law then stood for: alone that does as well.
-    """
-    both = (third, "poroelastic_drainage", "third_relaxation")
-    of = {both: 1000.0, (third,): 0.0, (third, "power_law_relaxation"): of_one}
-    of |= {both[:2]: 0.0, both[::2]: of_arm, ("power_law_relaxation",): alone, both[2:]: 0.0}
-    laws = tuple(Law(library()[n], {}, ()) for n in both)
-    account = cast(Account, _Evidence(both, of, fit=SimpleNamespace(shared=Shared(laws), states=())))
-    one = cast(Account, _Evidence((third, "power_law_relaxation"), of))
-    asked = []
-
-    def found(others: _Evidence, *_: object) -> tuple[Rival, ...]:
-        asked.append(others.names)
-        return (Rival("power_law_relaxation", of_one, 1.0, one),)
-
-    monkeypatch.setattr(exchange, "considered", found)
-    monkeypatch.setattr(pruning, "begun_again", lambda account, name, nothing: account)
-    monkeypatch.setattr(pruning, "is_nothing", lambda account, name: False)
-    named = exchange.one_for_two(Named(account, {}, {}), NOTHING)
-    there, rivals = named.account, named.rivals
-    assert there.names == names
-    assert asked == [(third,)]
-    if there is account:
-        assert not rivals
-    else:
-        # what does for both is considered beside what stands in their place
-        assert there is rivals[names[-1]][0].account or names == ("power_law_relaxation",)
-        assert "power_law_relaxation" in [r.name for r in rivals[names[-1]]]
-
-
-@pytest.mark.parametrize(
-    ("of_slip", "newest", "names"),
-    [
-        (990.0, "parallel_dashpot", ("parallel_dashpot", "slip")),
-        (800.0, "parallel_dashpot", ("parallel_dashpot", "zero_step")),
-        (990.0, "zero_step", ("parallel_dashpot", "zero_step")),
-    ],
-    ids=["as good", "worse", "just added"],
-)
-def test_a_name_stands_in_place_of_what_has_none(
-    monkeypatch: pytest.MonkeyPatch, of_slip: float, newest: str, names: tuple[str, ...]
-) -> None:
-    """A zero that steps explained more than a slip did while a dashpot was missing, and less beside that."""
-    dashpot, zero, instead = (
-        ("parallel_dashpot",),
-        ("parallel_dashpot", "zero_step"),
-        ("parallel_dashpot", "slip"),
-    )
-    of = {dashpot: 300.0, zero: 1000.0, instead: of_slip}
-    account, slip = (cast(Account, _Evidence(effects, of)) for effects in (zero, instead))
-    asked = []
-
-    def found(others: _Evidence, start: Account, adds: object, among: Sequence[str]) -> tuple[Rival, ...]:
-        asked.append((others.names, *among))
-        return (Rival("slip", of_slip - 300.0, 1.0, slip),)
-
-    monkeypatch.setattr(exchange, "considered", found)
-    monkeypatch.setattr(Rival, "is_another", False)
-    rivals = {"zero_step": (Rival("zero_step", 500.0, 1.0, account), Rival("slip", 400.0, 1.0, slip))}
-    there = exchange.named_for_nameless(Named(account, rivals, {}), newest, NOTHING)
-    assert asked == ([(dashpot, "slip")] if newest != "zero_step" else [])
-    assert there.account.names == names
-    assert ("slip" in there.rivals) == ("slip" in names)
 
 
 def test_without_an_event_others_are_looked_for_anew(monkeypatch: pytest.MonkeyPatch) -> None:

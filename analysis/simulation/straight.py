@@ -17,11 +17,13 @@ FloatArray = NDArray[np.float64]
 NEVER_A_STEP_MM = 1e-7
 LARGEST_STEP_MM = 2e-3
 SHORTEST = 8
+"""Samples of the shortest stretch, and over which its departures from a line are averaged: a recorder's own noise now
+and then is two steps off for a sample."""
 DEEPEST = 6
 
 
 def straightened(command_mm: FloatArray, kinks: Sequence[int]) -> FloatArray:
-    """Return a command (N,) with every stretch that is a line to within one converter step made that line.
+    """Return a command (N,) with every stretch that stays on a line to within one converter step made that line.
 
     ``kinks`` are samples at which stretches may begin or end; a stretch that is no line is split where it is
     furthest off. A command without steps comes back as it is.
@@ -45,7 +47,7 @@ def _straighten(command_mm: FloatArray, a: int, b: int, step_mm: float, depth: i
     x = np.arange(b - a) - 0.5 * (b - a - 1)
     mean = float(part.mean())
     line = mean + x * float(x @ (part - mean)) / float(x @ x)
-    off = np.abs(part - line)
+    off = np.abs(np.convolve(part - line, np.full(SHORTEST, 1.0 / SHORTEST), mode="valid"))
     if float(off.max()) <= 1.05 * step_mm:
         command_mm[a:b] = line
         return

@@ -33,3 +33,15 @@ def test_steps_of_the_converter_do_not_accelerate_the_arm() -> None:
 def test_a_command_without_steps_comes_back_as_it_is() -> None:
     command = np.concatenate([np.zeros(500), np.linspace(0.0, 2.0, 16000)])
     assert straightened(command, [500]) is command
+
+
+@given(level=st.floats(0.0, 1.0), seed=st.integers(0, 99))
+def test_a_command_that_was_read_with_noise_is_a_line(level: float, seed: int) -> None:
+    """Of 60,000 samples two were two codes off: the flicker of the others was then taken for motion."""
+    ramp = np.linspace(0.0, 100.0, 1600)
+    codes = level + np.concatenate([np.zeros(800), ramp, np.full(16000, 100.0)])
+    noise = 0.3 * np.random.default_rng(seed).normal(size=len(codes))
+    noise[[5000, 9000]] = (2.0, -2.0)
+    found = straightened(np.round(codes + noise) * STEP_MM, [800, 2400])
+    assert np.ptp(found[2400:]) < 0.1 * STEP_MM
+    assert np.max(np.abs(found - codes * STEP_MM)) < STEP_MM

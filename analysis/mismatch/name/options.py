@@ -29,6 +29,7 @@ from analysis.mismatch.model.effects import TISSUE_SIZE
 from analysis.mismatch.name.event_scan import comes_with_motion, scan_events
 from analysis.mismatch.name.events import EVENTS, EventScan, with_events
 from analysis.mismatch.name.oscillations import OscillationScan, scan_oscillations, with_oscillation
+from analysis.mismatch.name.overtones import plainer
 
 FloatArray = NDArray[np.float64]
 
@@ -181,9 +182,10 @@ def own_options(account: Account, only: str = "") -> list[Option]:
     ]
     if any(e.name == only for e in EVENTS):
         return options
-    scan = scan_oscillations(account.fit, only)
-    if scan.name not in account.steps and scan.size_mm > 0.0:
-        options.append(Option(scan.name, scan.evidence, ENOUGH_OWN, account, _oscillation_refit(scan)))
+    for found_in in (account, *plainer(account)):
+        scan = scan_oscillations(found_in.fit, only)
+        if scan.name not in account.steps and scan.size_mm > 0.0:
+            options.append(Option(scan.name, scan.evidence, ENOUGH_OWN, found_in, _oscillation_refit(scan)))
     return options
 
 

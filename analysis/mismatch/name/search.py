@@ -5,6 +5,7 @@ from __future__ import annotations
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.evidence.itself import beside_quick_noise, in_smooth_noise
 from analysis.mismatch.levels import ENOUGH_SHARED, MOST_EFFECTS
+from analysis.mismatch.name.exchange import named_for_nameless
 from analysis.mismatch.name.options import begun_again
 from analysis.mismatch.name.profile import at_likeliest
 from analysis.mismatch.name.pruning import pruned
@@ -30,7 +31,8 @@ def search(account: Account) -> Named:
         rivals = before.rivals | ({lead.name: (lead,)} if lead else {})
         rivals = {name: instead(others, step) for name, others in rivals.items()} | {best.name: step}
         account, adds = pruned(begun_again(best.settled_account(), best.name, start), best, start)
-        named, nats = Named(account, rivals, adds), before.account.nats
+        named = named_for_nameless(Named(account, rivals, adds), best.name, start)
+        account, nats = named.account, before.account.nats
         needless = account.nats < nats + (0.0 if best.name in account.names else ENOUGH_SHARED)
         if needless and account.nats > nats and before is stands:
             stands = named

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 from analysis.mismatch.evidence.account import Account
@@ -25,7 +26,7 @@ class Tries:
     taken_up: frozenset[str] = frozenset()
 
 
-def worth_trying(account: Account, nothing: Account, left: LeftOver) -> Tries:
+def worth_trying(account: Account, nothing: Account, left: LeftOver, among: Collection[str] | None) -> Tries:
     """Return the effects worth a refit beside the noise and without its slow part: law by law, and what comes anew.
 
     What was taken for slow noise is found where none is granted, most of all what comes in each trial anew. There slow
@@ -33,9 +34,10 @@ def worth_trying(account: Account, nothing: Account, left: LeftOver) -> Tries:
     enough must be left of it. Laws that are granted to be off may be so for want of one: what says most beside exact
     ones is tried, too. Of few trials all is tried: in their one tissue much is far from a line.
 
-    ``left`` are the nats that the present laws leave to laws and to others.
+    ``left`` are the nats that the present laws leave to laws and to others; ``among`` names what is asked for, where
+    that is not all.
     """
-    wanted = templates(account.fit.trials, account.names)
+    wanted = [t for t in templates(account.fit.trials, account.names) if among is None or t.name in among]
     quick = account.quick()
     settled = settled_columns(quick.fit, wanted)
     listed = [law_options(account, nothing, wanted, settled)]
@@ -58,8 +60,8 @@ def worth_trying(account: Account, nothing: Account, left: LeftOver) -> Tries:
     by_tissue = [o for o in listed[0] if _is_taken_up(o.name, account)]
     taken_up |= {o.name for o in by_tissue}
     signs = {o.name: o.nats for o in (*listed[0], *lead)}
-    anew = own_options(quick)
-    beside = anew if quick is account else own_options(account)
+    anew = own_among(quick, among)
+    beside = anew if quick is account else own_among(account, among)
     likely, likely_beside = (
         promising(some, CLOSE * SURE * left.to_others.sum(), few) for some in (anew, beside)
     )
@@ -91,6 +93,12 @@ def worth_trying(account: Account, nothing: Account, left: LeftOver) -> Tries:
 def _is_taken_up(name: str, account: Account) -> bool:
     """Whether the tissue stands for a law: a line about it then has nothing of that."""
     return name in library() and library()[name].like_a_quick_arm and account.fit.population.arm_ended
+
+
+def own_among(account: Account, among: Collection[str] | None) -> list[Option]:
+    """Return what might come in each trial anew, or of it what is asked for."""
+    names = [""] if among is None else [name for name in among if library()[name].form != "law"]
+    return [option for name in names for option in own_options(account, name)]
 
 
 def promising(options: list[Option], least: float, few: bool) -> list[Option]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.evidence.itself import brings_itself, explains_itself, frees, mends
@@ -26,13 +26,22 @@ from analysis.mismatch.name.tries import worth_trying
 from analysis.simulation.mechanism import library
 
 
+def considered(
+    account: Account, nothing: Account, adds: Mapping[str, float], among: Collection[str] | None = None
+) -> tuple[Rival, ...]:
+    """Return the effects worth adding, by `weighed`, best first."""
+    return ranked(weighed(account, nothing, adds, among), account)
+
+
 def ranked(found: Sequence[Rival], account: Account) -> tuple[Rival, ...]:
     """Return those that explain themselves of the effects that were weighed, best first."""
     return best_first(as_they_stand([r for r in found if r.itself], account))
 
 
-def weighed(account: Account, nothing: Account, adds: Mapping[str, float]) -> list[Rival]:
-    """Return the effects that have enough evidence to be added, refitted.
+def weighed(
+    account: Account, nothing: Account, adds: Mapping[str, float], among: Collection[str] | None = None
+) -> list[Rival]:
+    """Return the effects that have enough evidence to be added, refitted; only those ``among`` given names.
 
     ``nothing`` is the account without effects, ``adds`` what each present effect explains, where that is known. What
     the present laws leave by being off names no other: an effect must gain as much where they are granted to be off,
@@ -42,7 +51,7 @@ def weighed(account: Account, nothing: Account, adds: Mapping[str, float]) -> li
     """
     few = len(account.fit.trials) < FEWEST_HELD_OUT
     left = left_over(account, account.gain_over(nothing)[0], adds)
-    tries = worth_trying(account, nothing, left)
+    tries = worth_trying(account, nothing, left, among)
     found: list[Rival] = []
     for name, options in tries.options.items():
         # refits cost most of the time: none is made that can't be a rival, however far the line misses

@@ -16,7 +16,7 @@ from analysis.mismatch.fit.baseline import fit_baseline
 from analysis.mismatch.fit.start import longest_s
 from analysis.mismatch.model.effects import Law, Shared, simulate
 from analysis.mismatch.model.population import Population
-from analysis.mismatch.name.weighing import ranked, weighed
+from analysis.mismatch.name.weighing import considered
 from analysis.mismatch.study.intake import take_in_memory
 from analysis.recordings.trial import Trial
 from analysis.simulation.mechanism import Tissue, library
@@ -93,7 +93,7 @@ def test_a_third_arm_differs_between_sites_and_leaves_no_breath(record: Callable
             replace(trial, force_mn=trial.force_mn + added_mn, full_force_mn=full_mn.astype(np.float32))
         )
     nothing = Account(replace(fit, trials=tuple(trials)).with_population()).reweighed()
-    (third, *_) = ranked(weighed(nothing, nothing, {}), nothing)
+    (third, *_) = considered(nothing, nothing, {})
     assert third.name == "third_relaxation"
     account = third.account.settled()
     (law,) = account.fit.shared.laws
@@ -102,4 +102,4 @@ def test_a_third_arm_differs_between_sites_and_leaves_no_breath(record: Callable
         found = [s.coefficients[s.shapes.law_values[THIRD.name, parameter]] for s in account.fit.states]
         assert np.corrcoef(found, np.log(drawn)[:, which])[0, 1] > 0.8
         assert 0.03 < np.std(found) < 0.3
-    assert not ranked(weighed(account, nothing, {}), account)
+    assert not considered(account, nothing, {})

@@ -26,7 +26,7 @@ from analysis.mismatch.name.events import (
 from analysis.mismatch.name.options import own_options
 from analysis.mismatch.name.oscillations import OscillationScan, with_oscillation
 from analysis.mismatch.name.own_sizes import own_sizes
-from analysis.mismatch.name.weighing import ranked, weighed
+from analysis.mismatch.name.weighing import considered
 from analysis.mismatch.study.intake import take_in_memory
 from analysis.recordings.trial import Trial
 from analysis.simulation.cells import CellTrial
@@ -186,11 +186,11 @@ def test_a_slip_that_is_off_as_it_ends_is_no_friction(record: Callable[..., list
         lost_mn = 4.0 * step * contact_mn / held_mn * (1.0 + 0.5 * np.sin(3.0 * np.pi * u))
         slipped.append(_with_course(trial, -lost_mn))
     nothing = Account(replace(fit, trials=tuple(slipped)).with_population()).reweighed()
-    (step, *_) = ranked(weighed(nothing, nothing, {}), nothing)
+    (step, *_) = considered(nothing, nothing, {})
     assert step.name == "slip"
     account = step.account.settled()
     assert account.granted > 0.0
-    assert not ranked(weighed(account, nothing, {}), account)
+    assert not considered(account, nothing, {})
 
 
 def test_a_shift_is_found_beside_a_breath_where_skin_clings(record: Callable[..., list[Trial]]) -> None:
@@ -265,7 +265,7 @@ def test_a_gain_that_jumps_either_way_is_no_slip(
         jump_mn = simulate(trial, state, fit.shared, {"share": lost}) - simulate(trial, state, fit.shared)
         jumped.append(_with_course(trial, jump_mn))
     nothing = Account(fit_baseline(jumped))
-    (best, *_) = ranked(weighed(nothing, nothing, {}), nothing)
+    (best, *_) = considered(nothing, nothing, {})
     assert best.name == first
 
 
@@ -282,7 +282,7 @@ def test_what_is_lost_by_and_by_is_no_slip(record: Callable[..., list[Trial]]) -
         drained_mn = simulate(trial, state, fit.shared, {"share": lost}) - simulate(trial, state, fit.shared)
         drained.append(_with_course(trial, drained_mn))
     nothing = Account(fit_baseline(drained))
-    assert "slip" not in [r.name for r in ranked(weighed(nothing, nothing, {}), nothing)]
+    assert not considered(nothing, nothing, {}, among={"slip"})
 
 
 @pytest.mark.parametrize(
@@ -310,7 +310,7 @@ def test_what_changes_slowly_once_or_twice_in_a_trial_is_no_breath(
         )
         warmed.append(_with_course(trial, np.asarray(force_mn)))
     nothing = Account(fit_baseline(warmed))
-    (best, *_) = ranked(weighed(nothing, nothing, {}), nothing)
+    (best, *_) = considered(nothing, nothing, {})
     assert best.name == first
 
 
@@ -364,7 +364,7 @@ def test_a_zero_that_jumps_before_there_is_contact_is_seen(record: Callable[...,
 
         snagged.append(_with_force(trial, snags))
     nothing = Account(fit_baseline(snagged))
-    (best, *_) = ranked(weighed(nothing, nothing, {}), nothing)
+    (best, *_) = considered(nothing, nothing, {})
     assert best.name == "zero_step"
     (found,) = scan_events(nothing.fit, [e for e in EVENTS if e.name == best.name])
     np.testing.assert_allclose(found.times_s, lets_go_s, atol=0.01)

@@ -44,9 +44,9 @@ def test_a_dashpot_that_an_arm_of_the_tissue_stands_for_is_tried(
     nothing = Account(fit_baseline(take_in_memory(record(95, DASHPOT, plans)).trials))
     assert nothing.fit.population.arm_ended
     left = left_over(nothing, 0.0, {})
-    tries = worth_trying(nothing, nothing, left)
+    tries = worth_trying(nothing, nothing, left, None)
     assert tries.largest["parallel_dashpot"] < CLOSE * max(tries.largest.values())
     assert "parallel_dashpot" in tries.options
     assert "parallel_dashpot" in tries.taken_up
     monkeypatch.setattr(Population, "arm_ended", False)
-    assert "parallel_dashpot" not in worth_trying(nothing, nothing, left).options
+    assert "parallel_dashpot" not in worth_trying(nothing, nothing, left, None).options

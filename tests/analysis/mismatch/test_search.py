@@ -22,13 +22,13 @@ from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import ENOUGH_OWN, ENOUGH_SHARED, INEXACT, ROUGH, SURE, UNFORESEEN
 from analysis.mismatch.model.effects import TISSUE_SIZE, Law, Shared
 from analysis.mismatch.model.population import Population
-from analysis.mismatch.name import options, pruning, search, tries, weighing
+from analysis.mismatch.name import exchange, options, pruning, search, tries, weighing
 from analysis.mismatch.name.events import EVENTS
 from analysis.mismatch.name.options import Option, added, begun_again, own_options
 from analysis.mismatch.name.pruning import pruned
-from analysis.mismatch.name.rivals import Rival, as_they_stand, best_first, instead
+from analysis.mismatch.name.rivals import Named, Rival, as_they_stand, best_first, instead
 from analysis.mismatch.name.tries import worth_trying
-from analysis.mismatch.name.weighing import ranked, stands_for_shape, weighed
+from analysis.mismatch.name.weighing import considered, stands_for_shape
 from analysis.mismatch.study.intake import take_in_memory
 from analysis.recordings.trial import PHASE_NAMES, Trial
 from analysis.simulation.mechanism import library
@@ -259,7 +259,7 @@ def test_what_the_noise_leaves_no_sign_of_is_not_tried(
     """Noise that wanders looks like a rhythm where none is granted; a breath shows beside such noise, too."""
 
     def tried(account: Account) -> set[str]:
-        return set(worth_trying(account, account, NOTHING_LEFT).options)
+        return set(worth_trying(account, account, NOTHING_LEFT, None).options)
 
     seen = own_options(wandering.quick())[-1]
     assert seen.name not in {event.name for event in EVENTS}
@@ -282,7 +282,7 @@ def test_half_of_what_is_enough_must_be_left_beside_the_noise(
             return [Option("respiration", nats, 25.0, found_in, lambda same: same)]
 
         monkeypatch.setattr(tries, "own_options", breath)
-        return "respiration" in worth_trying(wandering, wandering, NOTHING_LEFT).options
+        return "respiration" in worth_trying(wandering, wandering, NOTHING_LEFT, None).options
 
     assert not tried(12.0)
     assert tried(13.0)
@@ -324,7 +324,7 @@ def test_what_is_nothing_is_not_granted_to_be_off(
     monkeypatch.setattr(Account, "granting", granting)
     for nothing in (True, False):
         monkeypatch.setattr(weighing, "is_nothing", lambda *_, found=nothing: found)
-        assert not ranked(weighed(account, account, {}), account)
+        assert not considered(account, account, {})
         assert bool(granted) is not nothing
 
 
@@ -342,7 +342,7 @@ def test_what_says_most_beside_the_noise_is_tried_too(
         return _options(found_in, by_name, 25.0)
 
     monkeypatch.setattr(tries, "own_options", own)
-    found = worth_trying(wandering, wandering, NOTHING_LEFT)
+    found = worth_trying(wandering, wandering, NOTHING_LEFT, None)
     assert set(found.options) == {"respiration", "slip"}
     assert found.largest["slip"] == 6_000.0
     # of rhythms beside the noise another says most: this one is asked for by name
@@ -361,12 +361,12 @@ def test_what_says_more_than_an_effect_that_shows_is_tried_beside_it(
         return _options(found_in, by_name, 25.0)
 
     monkeypatch.setattr(tries, "own_options", own)
-    assert set(worth_trying(wandering, wandering, NOTHING_LEFT).options) == {
+    assert set(worth_trying(wandering, wandering, NOTHING_LEFT, None).options) == {
         "transient",
         "motion_artefact",
     }
     beside["motion_artefact"] = 0.0
-    assert not worth_trying(wandering, wandering, NOTHING_LEFT).options
+    assert not worth_trying(wandering, wandering, NOTHING_LEFT, None).options
 
 
 def test_a_law_that_says_more_than_one_that_shows_is_tried_beside_it(
@@ -382,13 +382,13 @@ def test_a_law_that_says_more_than_one_that_shows_is_tried_beside_it(
 
     monkeypatch.setattr(tries, "law_options", laws)
     monkeypatch.setattr(tries, "own_options", lambda *_: [])
-    tried = worth_trying(wandering, wandering, NOTHING_LEFT).options
+    tried = worth_trying(wandering, wandering, NOTHING_LEFT, None).options
     assert set(tried) == {"power_law_relaxation", "third_relaxation"}
     # also where what shows says far less than the best do
     beside["third_relaxation"], beside["force_lag"], quick["force_lag"] = 0.0, 266.0, 70.0
-    assert set(worth_trying(wandering, wandering, NOTHING_LEFT).options) == set(quick)
+    assert set(worth_trying(wandering, wandering, NOTHING_LEFT, None).options) == set(quick)
     beside["force_lag"] = 0.0
-    assert not worth_trying(wandering, wandering, NOTHING_LEFT).options
+    assert not worth_trying(wandering, wandering, NOTHING_LEFT, None).options
 
 
 def test_what_laws_are_granted_to_be_off_for_is_tried(
@@ -404,9 +404,9 @@ def test_what_laws_are_granted_to_be_off_for_is_tried(
 
     monkeypatch.setattr(tries, "law_options", laws)
     monkeypatch.setattr(tries, "own_options", lambda *_: [])
-    assert set(worth_trying(account, wandering, MUCH_LEFT).options) == {"lever_arc"}
+    assert set(worth_trying(account, wandering, MUCH_LEFT, None).options) == {"lever_arc"}
     exact["lever_arc"] = exact["coulomb_friction"] = 15.0
-    assert not worth_trying(account, wandering, MUCH_LEFT).options
+    assert not worth_trying(account, wandering, MUCH_LEFT, None).options
 
 
 def test_what_laws_were_off_for_want_of_frees_them() -> None:
@@ -511,7 +511,7 @@ def test_an_effect_is_seen_where_it_acts(record: Callable[..., list[Trial]]) -> 
     clinging = '[[effects]]\nname = "adhesion"\npull_off_mn = 4.0\n'
     plans = study_plans(depths_mm=(0.3, 0.7), repeats=3, hold_s=2.0, dwell_s=1.0)
     nothing = Account(fit_baseline(take_in_memory(record(52, clinging, plans)).trials))
-    account = ranked(weighed(nothing, nothing, {}), nothing)[0].settled_account()
+    account = considered(nothing, nothing, {}, ["adhesion"])[0].settled_account()
     back = PHASE_NAMES.index("retract")
     acts = left_over.acting(account, account.names)
     assert acts.shape == (1, len(PHASE_NAMES))
@@ -621,7 +621,7 @@ def test_what_is_missing_leads_others_no_further_than_to_nothing(
 
 
 def _take_as_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let a search take every account as it was found: nothing begun again, pruned or weighed anew."""
+    """Let a search take every account as it was found: nothing begun again, pruned, exchanged or weighed anew."""
     monkeypatch.setattr(search, "begun_again", lambda account, name, nothing: account)
     monkeypatch.setattr(search, "pruned", lambda account, *_: (account, {}))
     monkeypatch.setattr(search, "told_apart", lambda account, rivals: account)
@@ -658,6 +658,7 @@ def test_a_second_shape_without_a_name_is_not_looked_for(
     steps = [[Rival("zero_step", 900.0, 1.0, zero)], [Rival(second, 3100.0, 1.0, both)], []]
     monkeypatch.setattr(search, "next_step", lambda *_: (tuple(steps.pop(0)), None))
     _take_as_found(monkeypatch)
+    monkeypatch.setattr(search, "named_for_nameless", lambda named, *_: named)
     assert search.search(NOTHING).account is (both if taken else zero)
 
 
@@ -807,9 +808,44 @@ def test_a_law_may_leave_more_than_there_was(record: Callable[..., list[Trial]])
     )
     plans = study_plans(depths_mm=(0.3, 0.7), repeats=4, hold_s=5.0, dwell_s=1.0)
     account = Account(fit_baseline(take_in_memory(record(52, effects, plans)).trials))
-    first = ranked(weighed(account, account, {}), account)[0]
+    first = considered(account, account, {})[0]
     assert first.name == "adhesion"
     assert first.account.fit.left_mn > 1.1 * account.fit.left_mn
+
+
+@pytest.mark.parametrize(
+    ("of_slip", "newest", "names"),
+    [
+        (990.0, "parallel_dashpot", ("parallel_dashpot", "slip")),
+        (800.0, "parallel_dashpot", ("parallel_dashpot", "zero_step")),
+        (990.0, "zero_step", ("parallel_dashpot", "zero_step")),
+    ],
+    ids=["as good", "worse", "just added"],
+)
+def test_a_name_stands_in_place_of_what_has_none(
+    monkeypatch: pytest.MonkeyPatch, of_slip: float, newest: str, names: tuple[str, ...]
+) -> None:
+    """A zero that steps explained more than a slip did while a dashpot was missing, and less beside that."""
+    dashpot, zero, instead = (
+        ("parallel_dashpot",),
+        ("parallel_dashpot", "zero_step"),
+        ("parallel_dashpot", "slip"),
+    )
+    of = {dashpot: 300.0, zero: 1000.0, instead: of_slip}
+    account, slip = (cast(Account, _Evidence(effects, of)) for effects in (zero, instead))
+    asked = []
+
+    def found(others: _Evidence, start: Account, adds: object, among: Sequence[str]) -> tuple[Rival, ...]:
+        asked.append((others.names, *among))
+        return (Rival("slip", of_slip - 300.0, 1.0, slip),)
+
+    monkeypatch.setattr(exchange, "considered", found)
+    monkeypatch.setattr(Rival, "is_another", False)
+    rivals = {"zero_step": (Rival("zero_step", 500.0, 1.0, account), Rival("slip", 400.0, 1.0, slip))}
+    there = exchange.named_for_nameless(Named(account, rivals, {}), newest, NOTHING)
+    assert asked == ([(dashpot, "slip")] if newest != "zero_step" else [])
+    assert there.account.names == names
+    assert ("slip" in there.rivals) == ("slip" in names)
 
 
 def test_without_an_event_others_are_looked_for_anew(monkeypatch: pytest.MonkeyPatch) -> None:

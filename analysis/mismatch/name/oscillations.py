@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,7 +12,7 @@ from scipy.special import logsumexp
 from analysis.mismatch.evidence.marginal import log_ratio
 from analysis.mismatch.fit.rhythms import with_rhythm
 from analysis.mismatch.fit.study_fit import StudyFit
-from analysis.mismatch.levels import INEXACT, KEPT
+from analysis.mismatch.levels import INEXACT
 from analysis.mismatch.model.effects import OwnShape, touches
 from analysis.mismatch.model.rhythm import CYCLES, HARMONIC, HIGHEST_HZ, Rhythm, overtones, sine, waves
 from analysis.simulation.cells import CellTrial
@@ -254,47 +254,3 @@ def _slow_shapes(
         for course, share in ((from_middle, 1.0), (parabola, 1.0 / 3.0))
         for w in carried[1]
     ]
-
-
-def phases_alike(fit: StudyFit, name: str) -> float:
-    """Return how alike the phases of a rhythm are where holds begin, in nats: n R^2 of Rayleigh's test.
-
-    H0: the phase is uniform and independent in each of n trials, as nothing ties a body's rhythm to them. Then the mean
-    resultant length R makes n R^2 exponential, of mean 1 (Mardia and Jupp, Directional Statistics, 2000, 6.3.1).
-    """
-    turned = []
-    for j, hz, surface_mm in _surfaces(fit, name):
-        hold = fit.trials[j].in_phase("hold")
-        if np.any(hold):
-            time_s, width_s = fit.trials[j].time_s[hold], fit.trials[j].widths_s[hold]
-            wave = np.exp(-2j * np.pi * hz * (time_s - time_s[0]))
-            turned.append(complex(np.sum(width_s * surface_mm[hold] * wave)))
-    unit = np.array([z / abs(z) for z in turned if z])
-    return float(np.abs(unit.sum()) ** 2 / len(unit)) if len(unit) else 0.0
-
-
-def stops_at_rest(fit: StudyFit, name: str) -> bool:
-    """Return whether a rhythm is less than half as large (rms) in holds as while the punch moves in contact.
-
-    A body's goes on whatever the punch does. What a gear, a screw or a rough skin makes of the way comes with motion.
-    """
-    power = {"hold": 0.0, "motion": 0.0}
-    length_s = dict.fromkeys(power, 0.0)
-    for j, _, surface_mm in _surfaces(fit, name):
-        trial = fit.trials[j]
-        touching, hold = touches(trial, fit.states[j], fit.shared), trial.in_phase("hold")
-        for when, cells in (("hold", hold & touching), ("motion", touching & ~hold)):
-            power[when] += float(trial.widths_s[cells] @ surface_mm[cells] ** 2)
-            length_s[when] += float(trial.widths_s[cells].sum())
-    return power["hold"] * length_s["motion"] < KEPT**2 * power["motion"] * length_s["hold"]
-
-
-def _surfaces(fit: StudyFit, name: str) -> Iterator[tuple[int, float, FloatArray]]:
-    """Yield which trials have a rhythm, its frequency in Hz, and where it was found to have moved the surface, mm."""
-    for j, state in enumerate(fit.states):
-        moved = [
-            (state.shapes[k].at, state.coefficients[k] * state.shapes[k].shape) for k in state.shapes.of(name)
-        ]
-        moved += [(r.frequency_hz, r.found_mm) for r in state.rhythms if r.effect == name]
-        if moved:
-            yield j, moved[0][0], np.sum([surface_mm for _, surface_mm in moved], axis=0)

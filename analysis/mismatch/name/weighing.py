@@ -19,8 +19,9 @@ from analysis.mismatch.levels import (
 from analysis.mismatch.locate.remainder import shape_left
 from analysis.mismatch.name.law_sizes import size_is_told
 from analysis.mismatch.name.options import added, begun_again
-from analysis.mismatch.name.oscillations import phases_alike, stops_at_rest
+from analysis.mismatch.name.oscillations import NAMELESS
 from analysis.mismatch.name.own_sizes import own_sizes
+from analysis.mismatch.name.phases import ahead_alike, phases_alike, stops_at_rest
 from analysis.mismatch.name.rivals import Rival, as_they_stand, best_first
 from analysis.mismatch.name.tries import worth_trying
 from analysis.simulation.mechanism import library
@@ -132,14 +133,21 @@ def stands_for_shape(account: Account, without: Account, gain: float) -> bool:
 
 
 def is_nothing(account: Account, name: str) -> bool:
-    """Return whether an effect of an account is nothing: a law of no size, a band without a frequency, or a rhythm that
-    shows no more than is unsure, begins at one phase in all trials, or comes with motion.
+    """Return whether an effect of an account is nothing: a law of no size, what no trial has, or no rhythm.
+
+    None is a band without a frequency, what goes with another's overtone, shows no more than is unsure, begins at one
+    phase in all trials, or comes with motion.
     """
     fit = account.fit
     if any(law.is_nothing for law in fit.shared.laws if law.name == name):
         return True
     bands = [r for s in fit.states for r in s.rhythms if r.effect == name]
-    if any(r.is_nothing for r in bands):
+    in_no_trial = not bands and not any(s.shapes.of(name) for s in fit.states)
+    if any(r.is_nothing for r in bands) or (name in account.steps and in_no_trial):
+        return True
+    oscillates = {NAMELESS, *(m.name for m in library().values() if m.form == "oscillation")}
+    rhythms = oscillates & account.steps.keys()
+    if name in rhythms and any(ahead_alike(fit, name, slower) > ENOUGH_ONCE for slower in rhythms):
         return True
     mechanism = library().get(name)
     if name not in account.steps or mechanism is None or mechanism.form != "oscillation":

@@ -146,7 +146,7 @@ def is_nothing(account: Account, name: str) -> bool:
     if any(r.is_nothing for r in bands) or (name in account.steps and in_no_trial):
         return True
     oscillates = {NAMELESS, *(m.name for m in library().values() if m.form == "oscillation")}
-    rhythms = oscillates & account.steps.keys()
+    rhythms = oscillates.intersection(account.steps)
     if name in rhythms and any(ahead_alike(fit, name, slower) > ENOUGH_ONCE for slower in rhythms):
         return True
     mechanism = library().get(name)

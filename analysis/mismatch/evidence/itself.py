@@ -120,7 +120,8 @@ def brings_itself(account: Account, name: str) -> bool:
     nothing, whole = (fit_laws(fit).cost for fit in (exact.stripped(name).fit, exact.fit))
     asked = KEPT * (nothing - whole)
     # two of its inner parameters may make up for each other: drawn back one by one they are worse than as they were
-    forms = (as_textbook(exact.fit, name, most=most) for most in (1.0, 0.0))
+    near, own = (as_textbook(exact.fit, name, most=most) for most in (1.0, 0.0))
+    forms = (near,) if own.shared == near.shared else (near, own)
     return any(nothing - fit_laws(fit).cost >= asked for form in forms for fit in of_sizes(form, name))
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import replace
 
 from analysis.mismatch.evidence.account import Account
@@ -14,7 +13,8 @@ from analysis.simulation.mechanism import library
 def named_for_nameless(named: Named, newest: str, start: Account) -> Named:
     """Return what was named, with a rival that has a name in place of what has none, if that predicts as well.
 
-    While the newest effect was missing, what can stand for anything explained more than its rivals did.
+    While the newest effect was missing, what can stand for anything explained more than its rivals did. ``start`` is
+    the account without effects.
     """
     account = named.account
     for name in account.names:
@@ -22,20 +22,12 @@ def named_for_nameless(named: Named, newest: str, start: Account) -> Named:
         among = [rival for rival in rivals if rival not in account.names]
         if name == newest or name in library() or not among:
             continue
-        instead = _as_good(account, account.without(name).settled(), start, among)
-        if instead and not instead[0].is_another:
-            one = instead[0]
-            return Named(one.account, named.rivals | {one.name: instead}, {})
+        others = account.without(name).settled()
+        instead = considered(others, start, {}, among)
+        if not instead:
+            continue
+        best = replace(instead[0], account=instead[0].settled_account())
+        whole = Rival("", *account.gain_over(others), account)
+        if best.as_good_as(whole) and not best.is_another:
+            return Named(best.account, named.rivals | {best.name: (best, *instead[1:])}, {})
     return named
-
-
-def _as_good(account: Account, others: Account, start: Account, among: Collection[str]) -> tuple[Rival, ...]:
-    """Return what of some effects is worth adding to the others of an account, the best of them settled and first.
-
-    Nothing, if that does not predict as well as the account. ``start`` is the one without effects.
-    """
-    step = considered(others, start, {}, among)
-    if not step:
-        return ()
-    best = replace(step[0], account=step[0].settled_account())
-    return (best, *step[1:]) if best.as_good_as(Rival("", *account.gain_over(others), account)) else ()

@@ -133,11 +133,7 @@ def stands_for_shape(account: Account, without: Account, gain: float) -> bool:
 
 
 def is_nothing(account: Account, name: str) -> bool:
-    """Return whether an effect of an account is nothing: a law of no size, what no trial has, or no rhythm.
-
-    None is a band without a frequency, what goes with another's overtone, shows no more than is unsure, begins at one
-    phase in all trials, or comes with motion.
-    """
+    """Return whether an effect of an account is nothing: a law of no size, what no trial has, or no rhythm."""
     fit = account.fit
     if any(law.is_nothing for law in fit.shared.laws if law.name == name):
         return True
@@ -145,13 +141,22 @@ def is_nothing(account: Account, name: str) -> bool:
     in_no_trial = not bands and not any(s.shapes.of(name) for s in fit.states)
     if any(r.is_nothing for r in bands) or (name in account.steps and in_no_trial):
         return True
-    oscillates = {NAMELESS, *(m.name for m in library().values() if m.form == "oscillation")}
-    rhythms = oscillates.intersection(account.steps)
-    if name in rhythms and any(ahead_alike(fit, name, slower) > ENOUGH_ONCE for slower in rhythms):
+    oscillations = {NAMELESS, *(m.name for m in library().values() if m.form == "oscillation")}
+    rhythms = oscillations.intersection(account.steps)
+    return name in rhythms and _is_no_rhythm(account, name, rhythms)
+
+
+def _is_no_rhythm(account: Account, name: str, rhythms: Collection[str]) -> bool:
+    """Return whether one of an account's rhythms is none: it goes with another's overtone, shows no more than is
+    unsure, begins at one phase in all trials, or comes with motion. Of what has no name only the first can be said.
+    """
+    fit = account.fit
+    if any(ahead_alike(fit, name, slower) > ENOUGH_ONCE for slower in rhythms):
         return True
-    mechanism = library().get(name)
-    if name not in account.steps or mechanism is None or mechanism.form != "oscillation":
+    if name == NAMELESS:
         return False
     if phases_alike(fit, name) > ENOUGH_ONCE or stops_at_rest(fit, name):
         return True
-    return not bands and not own_sizes(account, mechanism)[mechanism.amplitude].value > 0.0
+    is_band = any(r.effect == name for s in fit.states for r in s.rhythms)
+    mechanism = library()[name]
+    return not is_band and not own_sizes(account, mechanism)[mechanism.amplitude].value > 0.0

@@ -12,7 +12,10 @@ from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.evidence.heldout import heldout_deviance
 from analysis.mismatch.evidence.signflip import flip_test
 from analysis.mismatch.fit.gram import solve
+from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.levels import FEWEST_HELD_OUT
+from analysis.mismatch.locate.located import energies
+from analysis.mismatch.locate.windows import window_columns
 from analysis.mismatch.model.effects import TISSUE_SIZE
 
 FloatArray = NDArray[np.float64]
@@ -36,9 +39,7 @@ def confirm(baseline: Account, improved: Account, rng: np.random.Generator) -> H
     """
     before = _mean_squares(baseline)
     after = _mean_squares(improved) if improved.names else before
-    chi2 = whitened_chi2(improved if improved.names else baseline)
-    # what lies above the noise at rest is no noise: the floor is what a residual of chi2 1 would have
-    floor = float(np.sqrt(np.mean(after) / max(chi2, 1.0)))
+    floor_mn = noise_floor_mn((improved if improved.names else baseline).fit)
     gain = improved.evidence - baseline.evidence
     p = flip_test(gain[:, None], np.ones(1, dtype=bool), rng).p_value[0] if improved.names else 1.0
     scheme = (
@@ -46,18 +47,25 @@ def confirm(baseline: Account, improved: Account, rng: np.random.Generator) -> H
         if len(before) >= FEWEST_HELD_OUT
         else "too few trials to hold any out"
     )
-    return HeldOut(scheme, before, after, floor, float(p))
+    return HeldOut(scheme, before, after, floor_mn, float(p))
 
 
-def whitened_chi2(account: Account) -> float:
-    """Return chi2 a cell against the noise that was measured at rest."""
-    fit = account.fit
-    squares, freedom = 0.0, 0.0
-    for j, whitener in enumerate(fit.whiteners):
-        r = whitener(fit.residual_mn(j))
-        squares += float(r @ r)
-        freedom += len(r) - len(fit.own[j].tissue_and_free)
-    return squares / max(freedom, 1.0)
+def noise_floor_mn(fit: StudyFit) -> float:
+    """Return the rms of a sample's residual (mN) less what of it lies beyond the noise that was measured at rest.
+
+    Cells where things happen hold few samples: chi2 a cell would take what a short motion leaves for all of a trial's.
+    """
+    energy, _, samples = energies(fit, [window_columns(t) for t in fit.trials])
+    beyond = float(energy.sum()) / max(float(samples.sum()), 1.0)
+    squares = sum(float(r @ r) for r in (_fitted_residual_mn(fit, j) for j in range(len(fit.trials))))
+    whole = squares / max(sum(float(t.counts @ t.fitted) for t in fit.trials), 1.0)
+    return float(np.sqrt(max(whole - beyond, fit.noise.white_mn**2)))
+
+
+def _fitted_residual_mn(fit: StudyFit, j: int) -> FloatArray:
+    """Return what is left of every fitted sample of the j-th trial, mN."""
+    trial = fit.trials[j]
+    return fit.full_residual_mn(j)[np.repeat(trial.fitted, trial.counts.astype(int))]
 
 
 def _mean_squares(account: Account) -> FloatArray:
@@ -66,9 +74,8 @@ def _mean_squares(account: Account) -> FloatArray:
     held = heldout_deviance(account.grams, pick)
     b = solve(account.grams.total(), account.grams.ridge, range(TISSUE_SIZE + account.grams.n_added))[0]
     found = np.zeros(len(fit.trials))
-    for j, (trial, G) in enumerate(zip(fit.trials, account.grams.by_trial, strict=True)):
-        inside = np.repeat(trial.fitted, trial.counts.astype(int))
-        r = fit.full_residual_mn(j)[inside]
+    for j, G in enumerate(account.grams.by_trial):
+        r = _fitted_residual_mn(fit, j)
         p = slice(0, len(b))
         fitted = float(G[-1, -1] - 2.0 * b @ G[p, -1] + b @ G[p, p] @ b)
         lost = max(float(held[j]) - fitted, 0.0) * fit.noise.white_mn**2

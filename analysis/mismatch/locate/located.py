@@ -68,7 +68,7 @@ def locate(fit: StudyFit, rng: np.random.Generator, *, somewhere: bool = False) 
     _, odds = own_evidence(fit)
     own_p = np.minimum(1.0, len(PLACES) * np.exp(-np.clip(odds, 0.0, 700.0)))
     p = np.minimum(common_p.min(axis=0), own_p)
-    energy, mean, weight = _energies(fit, columns)
+    energy, mean, weight = energies(fit, columns)
     total = max(float(energy[p <= LEVEL].sum()), 1e-30)
     significant = p <= LEVEL
     if somewhere and not significant.any() and energy.max() > 0:
@@ -139,7 +139,7 @@ def where_trend(trend: Trend) -> tuple[Located, ...]:
     )
 
 
-def _energies(fit: StudyFit, columns: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray]:
+def energies(fit: StudyFit, columns: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return energy beyond noise (mN^2 samples), mean residual (mN) and samples of every window, each (W,).
 
     Of a window's squared residual the noise's share is that of its whitened squares, of which noise leaves one a cell.

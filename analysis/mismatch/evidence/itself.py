@@ -140,7 +140,7 @@ def as_textbook(fit: StudyFit, name: str, *, most: float = 1.0) -> StudyFit:
 
     What differs from site to site is the skin's, in the textbook too. ``most`` is as in `near_textbook`.
     """
-    forms = [t.as_law(1.0) for t in templates(fit.trials) if t.name == name]
+    forms = _forms(fit, name)
     laws = tuple(near_textbook(law, forms, most=most) if law.name == name else law for law in fit.shared.laws)
     states = tuple(
         s.with_only([k for k, x in enumerate(s.shapes) if x.effect != name or not x.kind or x.is_number])
@@ -150,6 +150,29 @@ def as_textbook(fit: StudyFit, name: str, *, most: float = 1.0) -> StudyFit:
     if same and all(new is old for new, old in zip(states, fit.states, strict=True)):
         return fit
     return replace(fit, shared=replace(fit.shared, laws=laws), states=states)
+
+
+def beside_textbook(account: Account) -> Account:
+    """Return the account with its laws exact and in a textbook's form, all else refitted; itself where they are.
+
+    What a law is like is free again: there another law shows that it stands for where it is.
+    """
+    exact = account.exact
+    laws = exact.fit.shared.laws
+    fixed = tuple(
+        near_textbook(law, _forms(exact.fit, law.name), most=0.0) if law.name in library() else law
+        for law in laws
+    )
+    if all(new.values == old.values for new, old in zip(fixed, laws, strict=True)):
+        return exact
+    fit = fit_laws(replace(exact.fit, shared=replace(exact.fit.shared, laws=fixed)))
+    free = (replace(law, free=old.free) for law, old in zip(fit.shared.laws, laws, strict=True))
+    return replace(exact, fit=replace(fit, shared=replace(fit.shared, laws=tuple(free))))
+
+
+def _forms(fit: StudyFit, name: str) -> list[Law]:
+    """Return the forms in which the library has a law."""
+    return [t.as_law(1.0) for t in templates(fit.trials) if t.name == name]
 
 
 def near_textbook(law: Law, forms: Sequence[Law], *, most: float = 1.0) -> Law:

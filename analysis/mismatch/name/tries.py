@@ -6,6 +6,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 
 from analysis.mismatch.evidence.account import Account
+from analysis.mismatch.evidence.itself import beside_textbook
 from analysis.mismatch.evidence.left_over import LeftOver
 from analysis.mismatch.fit.settled import settled_columns
 from analysis.mismatch.levels import CLOSE, FEWEST_HELD_OUT, REFITTED, SURE
@@ -31,8 +32,9 @@ def worth_trying(account: Account, nothing: Account, left: LeftOver, among: Coll
 
     What was taken for slow noise is found where none is granted, most of all what comes in each trial anew. There slow
     noise that is none but noise looks like it, too: beside the noise, as large as it was measured, half of what is
-    enough must be left of it. Laws that are granted to be off may be so for want of one: what says most beside exact
-    ones is tried, too. Of few trials all is tried: in their one tissue much is far from a line.
+    enough must be left of it. Laws that are granted to be off may be so for want of one, and so may be what they are
+    like: what shows beside exact ones in a textbook's form, and not beside these, is tried, too. Of few trials all is
+    tried: in their one tissue much is far from a line.
 
     ``left`` are the nats that the present laws leave to laws and to others; ``among`` names what is asked for, where
     that is not all.
@@ -44,21 +46,23 @@ def worth_trying(account: Account, nothing: Account, left: LeftOver, among: Coll
     if quick is not account:
         listed.append(law_options(quick, nothing, wanted, settled))
     few = len(account.fit.trials) < FEWEST_HELD_OUT
-    worth = [promising(some, CLOSE * SURE * left.to_laws.sum(), few) for some in listed]
+    least = CLOSE * SURE * left.to_laws.sum()
+    worth = [promising(some, least, few) for some in listed]
     lead: list[Option] = []
-    if account.inexact.by_effect:
-        # what is missing may be what the laws are granted to be off for
-        exact = account.exact
-        settled = settled_columns(exact.fit, wanted)
-        listed.append(law_options(exact, nothing, wanted, settled, beside_exact=True))
-        lead = promising(listed[-1], CLOSE * SURE * left.to_laws.sum(), few)[:1]
+    textbook = account if few else beside_textbook(account)
+    if textbook is not account:
+        # what is missing may be what the laws are granted to be off for, or have gone from their textbook for
+        settled = settled_columns(textbook.fit, wanted)
+        listed.append(law_options(textbook, nothing, wanted, settled, beside_exact=True))
+        tried = {o.name for some in worth for o in some}
+        lead = [o for o in promising(listed[-1], least, few) if o.name not in tried]
         worth.append(lead)
     # columns of all trials fill memory
     del settled
     # a line drawn beside noise that took the mismatch up says little of how much there is
     taken_up = frozenset(o.name for o in worth[0]) if quick is not account else frozenset()
     by_tissue = [o for o in listed[0] if _is_taken_up(o.name, account)]
-    taken_up |= {o.name for o in by_tissue}
+    taken_up |= {o.name for o in (*by_tissue, *lead)}
     signs = {o.name: o.nats for o in (*listed[0], *lead)}
     anew = own_among(quick, among)
     beside = anew if quick is account else own_among(account, among)

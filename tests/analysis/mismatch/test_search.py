@@ -288,6 +288,28 @@ def test_half_of_what_is_enough_must_be_left_beside_the_noise(
     assert tried(13.0)
 
 
+def test_what_shows_only_beside_laws_as_a_textbook_has_them_is_tried(
+    monkeypatch: pytest.MonkeyPatch, wandering: Account
+) -> None:
+    """However little of it a line tells where they stand: what they have gone from their textbook for is theirs."""
+    textbook = replace(wandering)
+
+    def laws(account: Account, *_: object, **__: object) -> list[Option]:
+        arm = Option("arm_inertia", 900.0, 10.0, account, lambda same: same)
+        lag = Option("force_lag", 500.0, 10.0, account, lambda same: same)
+        return [arm, lag] if account is textbook else [lag]
+
+    monkeypatch.setattr(tries, "beside_textbook", lambda _: textbook)
+    monkeypatch.setattr(tries, "law_options", laws)
+    monkeypatch.setattr(tries, "own_options", lambda *_: [])
+    found = worth_trying(wandering, wandering, NOTHING_LEFT, None)
+    assert {name: len(options) for name, options in found.options.items()} == {
+        "arm_inertia": 1,
+        "force_lag": 2,
+    }
+    assert "arm_inertia" in found.taken_up
+
+
 def test_what_was_fitted_without_slow_noise_is_weighed_twice(
     monkeypatch: pytest.MonkeyPatch, wandering: Account
 ) -> None:

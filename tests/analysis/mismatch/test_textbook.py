@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 
 from analysis.mismatch.evidence.account import Account
-from analysis.mismatch.evidence.itself import brings_itself, near_textbook
+from analysis.mismatch.evidence.itself import beside_textbook, brings_itself, near_textbook
 from analysis.mismatch.fit.baseline import fit_baseline
+from analysis.mismatch.fit.settled import settled_columns
 from analysis.mismatch.fit.study_fit import StudyFit
 from analysis.mismatch.model.dictionary import templates
 from analysis.mismatch.model.effects import Law, Shared, simulate
+from analysis.mismatch.name.options import law_options
 from analysis.mismatch.study.intake import take_in_memory
 from analysis.recordings.trial import Trial
 from analysis.simulation.mechanism import library
@@ -105,3 +107,29 @@ def test_inner_parameters_that_make_up_for_each_other_are_asked_of_the_textbook_
     assert brings_itself(Account(fit), "arm_inertia")
     good.pop()
     assert not brings_itself(Account(fit), "arm_inertia")
+
+
+def test_what_a_law_has_gone_from_its_textbook_for_shows_beside_that(
+    record: Callable[..., list[Trial]],
+) -> None:
+    """A sensor that lags answers ahead of its lag by a half where an arm's mass is missing, and leaves little of it."""
+    effects = "".join(
+        f'[[effects]]\nname = "{name}"\n{size}\n'
+        for name, size in (("force_lag", "time_constant_ms = 1.0"), ("arm_inertia", "mass_g = 0.5"))
+    )
+    start = Account(fit_baseline(take_in_memory(record(53, effects)).trials))
+    of = {t.name: t for t in templates(start.fit.trials)}
+    lagging = start.with_laws((of["force_lag"].as_law(1.0),)).settled()
+    textbook = beside_textbook(lagging)
+    assert lagging.fit.shared.laws[0].values["shared"] > 0.4
+    assert textbook.fit.shared.laws[0].values["shared"] == 0.0
+    assert textbook.fit.shared.laws[0].free == lagging.fit.shared.laws[0].free
+
+    def shows(account: Account) -> float:
+        arms = [of["arm_inertia"]]
+        (arm,) = law_options(account, start, arms, settled_columns(account.fit, arms), beside_exact=True)
+        return arm.nats
+
+    assert shows(textbook) > 3.0 * shows(lagging.exact)
+    # a law that is where the textbook has it stays there
+    assert beside_textbook(textbook) is textbook

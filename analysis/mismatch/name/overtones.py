@@ -16,14 +16,15 @@ PLAINER = (2, 1)
 def plainer(account: Account) -> Iterator[Account]:
     """Yield the account, by laws that are exact, with slow rhythms of ever fewer overtones; nothing where none has any.
 
-    Free in every trial, the overtones of a breath take a pulse up that is near one of them.
+    Free in every trial, the overtones of a breath take a pulse up that is near one of them. All else stays where it
+    stands: what is looked for is told by what the trials' own parameters can't take up.
     """
     before = account
     for most in PLAINER:
         states = tuple(_with_overtones(state, most) for state in before.fit.states)
         if any(new is not old for new, old in zip(states, before.fit.states, strict=True)):
             fit = replace(before.fit, states=states).weighed_by(account.fit.noise)
-            before = replace(before.exact, fit=fit).with_laws(fit.shared.laws)
+            before = replace(before.exact, fit=fit)
             yield before
 
 

@@ -140,7 +140,7 @@ def as_textbook(fit: StudyFit, name: str, *, most: float = 1.0) -> StudyFit:
 
     What differs from site to site is the skin's, in the textbook too. ``most`` is as in `near_textbook`.
     """
-    forms = _forms(fit, name)
+    forms = textbook_forms(fit, name)
     laws = tuple(near_textbook(law, forms, most=most) if law.name == name else law for law in fit.shared.laws)
     states = tuple(
         s.with_only([k for k, x in enumerate(s.shapes) if x.effect != name or not x.kind or x.is_number])
@@ -160,7 +160,7 @@ def beside_textbook(account: Account) -> Account:
     exact = account.exact
     laws = exact.fit.shared.laws
     fixed = tuple(
-        near_textbook(law, _forms(exact.fit, law.name), most=0.0) if law.name in library() else law
+        near_textbook(law, textbook_forms(exact.fit, law.name), most=0.0) if law.name in library() else law
         for law in laws
     )
     if all(new.values == old.values for new, old in zip(fixed, laws, strict=True)):
@@ -170,7 +170,7 @@ def beside_textbook(account: Account) -> Account:
     return replace(exact, fit=replace(fit, shared=replace(fit.shared, laws=tuple(free))))
 
 
-def _forms(fit: StudyFit, name: str) -> list[Law]:
+def textbook_forms(fit: StudyFit, name: str) -> list[Law]:
     """Return the forms in which the library has a law."""
     return [t.as_law(1.0) for t in templates(fit.trials) if t.name == name]
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from analysis.mismatch.evidence.account import Account
 from analysis.mismatch.evidence.heldout import predictive_deviance
+from analysis.mismatch.evidence.itself import textbook_forms
 from analysis.mismatch.evidence.scatter import scatter_explained
 from analysis.mismatch.fit.baseline import noise_left
 from analysis.mismatch.fit.contacts import contacts_begun_anew
@@ -158,7 +159,7 @@ def _anew(account: Account, nothing: Account) -> list[StudyFit]:
     if len(fit.trials) >= FEWEST_HELD_OUT or len(fit.shared.laws) != 1:
         return []
     start = nothing.fit.weighed_by(fit.noise)
-    textbook = [t.as_law(1.0) for t in templates(fit.trials) if t.name == fit.shared.laws[0].name]
+    textbook = textbook_forms(fit, fit.shared.laws[0].name)
     return [replace(start, shared=replace(start.shared, laws=(law,))) for law in textbook]
 
 
